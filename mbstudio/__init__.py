@@ -1,0 +1,71 @@
+"""MetaBall Studio: CT scans of grains to metaball avatars for DEM simulations.
+
+The names below are the public interface; each is imported on first use, so that
+``import mbstudio`` costs nothing and never touches Qt.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from mbstudio.core.dem import export
+    from mbstudio.core.errors import MbstudioError
+    from mbstudio.core.grains import Grain, GrainSet, load_labels, segment
+    from mbstudio.core.imaging import FitResult, fit, start_fit
+    from mbstudio.core.metaball import Avatar
+    from mbstudio.core.metrics import ShapeFactors, measure
+    from mbstudio.core.project import Project
+    from mbstudio.core.scan import Scan, open_scan
+
+_HOME_OF = {
+    "Avatar": "metaball",
+    "FitResult": "imaging",
+    "Grain": "grains",
+    "GrainSet": "grains",
+    "MbstudioError": "errors",
+    "Project": "project",
+    "Scan": "scan",
+    "ShapeFactors": "metrics",
+    "export": "dem",
+    "fit": "imaging",
+    "load_labels": "grains",
+    "measure": "metrics",
+    "open_scan": "scan",
+    "segment": "grains",
+    "start_fit": "imaging",
+}
+
+__all__ = [
+    "Avatar",
+    "FitResult",
+    "Grain",
+    "GrainSet",
+    "MbstudioError",
+    "Project",
+    "Scan",
+    "ShapeFactors",
+    "__version__",
+    "export",
+    "fit",
+    "load_labels",
+    "measure",
+    "open_scan",
+    "segment",
+    "start_fit",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'mbstudio' has no attribute {name!r}")
+    value = getattr(import_module(f"mbstudio.core.{_HOME_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,1 @@
+"""The same step for many grains, on several processes."""

@@ -1,0 +1,51 @@
+"""The errors that mbstudio raises on purpose.
+
+Every message names the file or the value at fault and what to do about it; the command
+line prints it and the window shows it in the message bar, without a traceback.
+"""
+
+from __future__ import annotations
+
+
+class MbstudioError(Exception):
+    """Base of every error with a message meant for the user."""
+
+
+class UnitError(MbstudioError):
+    """A length, unit or voxel size that cannot be understood, or is missing."""
+
+
+class ScanError(MbstudioError):
+    """A scan that cannot be read or holds no usable voxels."""
+
+
+class SegmentationError(MbstudioError):
+    """A scan in which no grains can be found, or a label image that does not fit it."""
+
+
+class GrainError(MbstudioError):
+    """A mask that is not one grain."""
+
+
+class MeshError(MbstudioError):
+    """A surface mesh that is not a closed body."""
+
+
+class AvatarError(MbstudioError):
+    """Control points or weights that make no metaball."""
+
+
+class FitError(MbstudioError):
+    """A fit that cannot be started or finished as asked."""
+
+
+class MeasureError(MbstudioError):
+    """A body whose shape factors are not defined."""
+
+
+class ExportError(MbstudioError):
+    """DEM files that cannot be written, or would be misread by the engine."""
+
+
+class ProjectError(MbstudioError):
+    """A project file that cannot be read or written."""

@@ -1,0 +1,65 @@
+"""All grains of a scan: the label volume and one table row a grain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Int
+
+from mbstudio.core.grains.grain import Grain
+from mbstudio.core.units import VoxelSize
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class GrainSet:
+    """The grains of one scan.
+
+    Attributes
+    ----------
+    labels : int array, shape (Z, Y, X)
+        0 outside all grains, else the grain's label.
+    table : pandas.DataFrame
+        One row a grain, in the order of its labels, with the columns ``label``, ``voxels``,
+        ``volume`` (unit**3), ``z0, z1, y0, y1, x0, x1`` (bounding box in voxels, half open),
+        ``x, y, z`` (centroid in unit) and ``touches_border``.
+    voxel_size : VoxelSize
+    origin : tuple of float
+        Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.
+    """
+
+    labels: Int[np.ndarray, "Z Y X"]
+    table: pd.DataFrame
+    voxel_size: VoxelSize
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def unit(self) -> str:
+        return self.voxel_size.unit
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __getitem__(self, index: int) -> Grain:
+        """Return the grain in row `index` of the table."""
+        return self._grain_of_row(self.table.iloc[index])
+
+    def __iter__(self) -> Iterator[Grain]:
+        return (self[index] for index in range(len(self)))
+
+    def grain(self, label: int) -> Grain:
+        """Return the grain with this label; GrainError if there is none."""
+        raise AssertionError("written by the grains package")
+
+    @property
+    def interior_labels(self) -> list[int]:
+        """Labels of the grains that do not touch the border."""
+        return [int(label) for label in self.table.loc[~self.table["touches_border"], "label"]]
+
+    def _grain_of_row(self, row: pd.Series) -> Grain:
+        raise AssertionError("written by the grains package")

@@ -1,0 +1,132 @@
+"""What a fit yields while it runs, and what it leaves behind.
+
+A fit is a *step object*: an iterator of :class:`SearchStep`. The loop stands with whoever
+drives it (command line, window, batch, test); pausing is not calling ``next``, cancelling is
+dropping the object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from mbstudio.core.metaball.avatar import Avatar
+
+Phase = Literal["clustering", "search"]
+Method = Literal["fast", "paper"]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchStep:
+    """One step of Metaball-Imaging.
+
+    Attributes
+    ----------
+    phase : {'clustering', 'search'}
+        Sphere clustering (Algorithm 1: one step a sphere) or gradient search (Algorithm 2:
+        one step a generation; generation 0 is its start).
+    generation : int
+        Spheres found so far, or generations of the search.
+    generations : int
+        How many this phase will take at most: for progress bars.
+    loss : float
+        Mean over the hull points of the paper's piecewise loss (Eq. GSloss); NaN while clustering.
+    rms : float
+        Root mean square distance of surface points to the avatar, in the grain's unit; NaN while clustering.
+    make_avatar : callable
+        Builds the avatar as it stands at this step; use :attr:`avatar`.
+    note : str
+        What happened at this step beyond the ordinary ("3 control points of an island dropped").
+    """
+
+    phase: Phase
+    generation: int
+    generations: int
+    loss: float
+    rms: float
+    make_avatar: Callable[[], Avatar] = field(repr=False)
+    note: str = ""
+
+    @cached_property
+    def avatar(self) -> Avatar:
+        return self.make_avatar()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an avatar is a valid particle, and how true it is.
+
+    Attributes
+    ----------
+    valid : bool
+        One piece, no void, every control point inside, volume within 5 %.
+    pieces, voids : int
+        Connected pieces of the solid, and cavities inside it.
+    genus : int or None
+        Number of handles, from the Euler characteristic of the surface; None if unknown.
+    points_outside : int
+        Control points outside the grain.
+    volume_error : float
+        (V_avatar - V_grain) / V_grain.
+    rms : float
+        Root mean square surface distance in the grain's unit.
+    reasons : tuple of str
+        Why it is not valid, and what to do, in words for the user; empty when valid.
+    """
+
+    valid: bool
+    pieces: int
+    voids: int
+    genus: int | None
+    points_outside: int
+    volume_error: float
+    rms: float
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """A finished (or stopped) fit.
+
+    Attributes
+    ----------
+    avatar : Avatar
+    history : float array, shape (generations + 1,)
+        Paper's mean loss per generation of the search, the start included.
+    rms_history : float array, shape (generations + 1,)
+        Root mean square surface distance per generation, in the avatar's unit.
+    verdict : Verdict
+    method : {'fast', 'paper'}
+    n : int
+        Control points asked for (the avatar can hold fewer).
+    seed : int
+    """
+
+    avatar: Avatar
+    history: Float[np.ndarray, "g"]
+    rms_history: Float[np.ndarray, "g"]
+    verdict: Verdict
+    method: Method
+    n: int
+    seed: int
+
+
+class FitRun(Protocol):
+    """The step object that :func:`mbstudio.core.imaging.start_fit` returns for either method."""
+
+    def __iter__(self) -> Iterator[SearchStep]: ...
+    def __next__(self) -> SearchStep: ...
+
+    def change_control_points(self, n: int) -> None:
+        """Go on from here with another number of control points (those there are kept, split or merged)."""
+
+    def more_generations(self, count: int) -> None:
+        """Let a finished search go on for `count` more generations."""
+
+    def result(self) -> FitResult:
+        """Return avatar, history and verdict as they stand now; valid once the search has begun."""

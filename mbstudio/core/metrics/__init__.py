@@ -1,0 +1,1 @@
+"""Shape factors of grains, meshes and avatars."""

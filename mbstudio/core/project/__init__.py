@@ -1,0 +1,1 @@
+"""The project: its state, its file and its history."""

@@ -1,0 +1,68 @@
+"""Everything that a project holds, as one frozen record: undo is the record before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from mbstudio.core.imaging.steps import FitResult, Method
+from mbstudio.core.units import VoxelSize
+
+if TYPE_CHECKING:
+    from mbstudio.core.grains.grain_set import GrainSet
+    from mbstudio.core.grains.segmentation import SegmentationSettings
+
+
+@dataclass(frozen=True)
+class ScanReference:
+    """Where the scan lies and how to recognise it: the project file does not hold its voxels.
+
+    `digest` is the SHA-256 of the voxels as they lie in memory order (z, y, x), so that it does
+    not depend on the file format; `shape` is (Z, Y, X), `dtype` numpy's name.
+    """
+
+    path: Path
+    shape: tuple[int, int, int]
+    dtype: str
+    voxel_size: VoxelSize
+    origin: tuple[float, float, float]
+    digest: str
+    embedded: bool = False
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What the next fit will use."""
+
+    n: int = 40
+    method: Method = "fast"
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectState:
+    """The state of a project; changing it makes a new record that shares what did not change.
+
+    Attributes
+    ----------
+    scan : ScanReference or None
+    segmentation : SegmentationSettings or None
+        What the grains were found with; None for labels made elsewhere.
+    grains : GrainSet or None
+    fits : mapping of int to FitResult
+        By grain label.
+    fit_settings : FitSettings
+    """
+
+    scan: ScanReference | None = None
+    segmentation: SegmentationSettings | None = None
+    grains: GrainSet | None = None
+    fits: Mapping[int, FitResult] = field(default_factory=lambda: MappingProxyType({}))
+    fit_settings: FitSettings = field(default_factory=FitSettings)
+
+    def with_fits(self, added: Mapping[int, FitResult]) -> ProjectState:
+        """Return this state with fits added (or replaced) by label."""
+        return replace(self, fits=MappingProxyType({**self.fits, **added}))
