@@ -1,0 +1,93 @@
+"""The frame of the suite: headless rendering set before any Qt or VTK import, shared fixtures.
+
+``--full`` also runs the slow tests. Tests marked ``gl`` drive the real OpenGL viewport and need
+an X server: ``tests/test_gl_suite.py`` runs them in a pytest of their own under Xvfb, which sets
+``MBSTUDIO_GL_TESTS``; in the ordinary run they are skipped.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+SHARED_DATA = REPOSITORY.parent / "shared" / "data"
+UNDER_XVFB = bool(os.environ.get("MBSTUDIO_GL_TESTS"))
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _set_headless_environment() -> None:
+    os.environ["MPLBACKEND"] = "Agg"
+    os.environ["PYVISTA_OFF_SCREEN"] = "true"
+    # Settings and recent files of the person who runs the suite stay untouched.
+    home = tempfile.mkdtemp(prefix="mbstudio-tests-")
+    for variable in ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME"):
+        os.environ[variable] = str(Path(home) / variable.lower())
+    if UNDER_XVFB:
+        os.environ["QT_QPA_PLATFORM"] = "xcb"
+        os.environ.pop("VTK_DEFAULT_OPENGL_WINDOW", None)
+        os.environ.pop("PYVISTA_OFF_SCREEN", None)
+        return
+    os.environ["QT_QPA_PLATFORM"] = "offscreen"
+    if sys.platform.startswith("linux"):
+        # OSMesa left Mesa in 25.1; EGL renders without a display as well.
+        window = "vtkOSOpenGLRenderWindow" if _loads("libOSMesa.so.8") else "vtkEGLRenderWindow"
+        os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = window
+
+
+for _module in ("PySide6", "vtkmodules", "pyvista"):
+    if _module in sys.modules:
+        raise RuntimeError(f"{_module} was imported before tests/conftest.py set the headless environment.")
+_set_headless_environment()
+
+hypothesis.settings.register_profile("mbstudio", deadline=None)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, database=None)
+hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "mbstudio")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--full", action="store_true", help="also run the tests that are slow or large")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    skip_full = pytest.mark.skip(reason="slow or large: run with --full")
+    skip_gl = pytest.mark.skip(reason="needs an X server: run under Xvfb by tests/test_gl_suite.py")
+    for item in items:
+        if "full" in item.keywords and not config.getoption("--full"):
+            item.add_marker(skip_full)
+        if "gl" in item.keywords and not UNDER_XVFB:
+            item.add_marker(skip_gl)
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """Root of the repository."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of the real grains and scans, which are no part of the repository."""
+    if not SHARED_DATA.is_dir():
+        pytest.skip(f"the real grains and scans are not there: {SHARED_DATA}")
+    return SHARED_DATA
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A generator with a fixed seed, fresh for each test."""
+    return np.random.default_rng(20230607)
