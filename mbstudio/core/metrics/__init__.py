@@ -1,1 +1,7 @@
-"""Shape factors of grains, meshes and avatars."""
+"""Shape factors and mass properties of grains, meshes and avatars."""
+
+from mbstudio.core.metrics.mass import MassProperties, mass_properties
+from mbstudio.core.metrics.measuring import measure
+from mbstudio.core.metrics.shape_factors import ShapeFactors
+
+__all__ = ["MassProperties", "ShapeFactors", "mass_properties", "measure"]

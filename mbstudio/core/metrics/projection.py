@@ -1,0 +1,215 @@
+"""The maximum projected area of a body and the perimeter of that projection.
+
+A silhouette is the union of the projected triangles, found exactly (polygon clipping), so
+concave bodies and bodies with holes are measured as they are. The direction is found in
+three steps: the convex hull's projected area bounds the body's from above and costs almost
+nothing, so it sorts evenly spread directions; exact silhouettes of those that can still win
+pick the starts; a local quadratic search ends at the maximum to better than 0.1 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from mbstudio.core.metrics.axes import convex_hull
+
+_DIRECTIONS = 1500
+_EXACT_AT_MOST = 24
+_APART = np.cos(np.radians(9.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Silhouette:
+    """The projection of a body along one direction.
+
+    Attributes
+    ----------
+    area : float
+        Area of the union of the projected triangles, in unit**2.
+    perimeter : float
+        Length of its outline in unit, with the outlines of holes that one can see through.
+    direction : float array, shape (3,)
+        Unit vector along which it is seen.
+    """
+
+    area: float
+    perimeter: float
+    direction: Float[np.ndarray, "3"]
+
+
+class SilhouetteCaster:
+    """Casts exact silhouettes of one closed triangle mesh.
+
+    Parameters
+    ----------
+    vertices : float array, shape (v, 3)
+    faces : int array, shape (f, 3)
+    """
+
+    def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        # Clipping rounds to an absolute grid, so the body is brought to a size of order one.
+        self._scale = float((high - low).max()) or 1.0
+        self._vertices = np.ascontiguousarray((vertices - (low + high) / 2) / self._scale)
+        self._faces = np.ascontiguousarray(faces)
+        self._solid = self._make_solid()
+
+    def cast(self, direction: Float[np.ndarray, "3"]) -> Silhouette:
+        """Return the silhouette along a direction (any length but zero)."""
+        frame = _frame_along(direction)
+        outlines = (
+            self._outlines_by_manifold(frame) if self._solid is not None else self._outlines_by_union(frame)
+        )
+        area = perimeter = 0.0
+        for outline in outlines:
+            after = np.roll(outline, -1, axis=0)
+            area += 0.5 * float(np.sum(outline[:, 0] * after[:, 1] - after[:, 0] * outline[:, 1]))
+            perimeter += float(np.linalg.norm(after - outline, axis=1).sum())
+        return Silhouette(area * self._scale**2, perimeter * self._scale, frame[2])
+
+    def area(self, direction: Float[np.ndarray, "3"]) -> float:
+        """Return the projected area along a direction."""
+        if self._solid is None:
+            return self.cast(direction).area
+        return float(self._project(_frame_along(direction)).area()) * self._scale**2
+
+    def _make_solid(self):  # type: ignore[no-untyped-def]
+        import manifold3d
+
+        mesh = manifold3d.Mesh64(
+            vert_properties=self._vertices.astype(np.float64), tri_verts=self._faces.astype(np.uint64)
+        )
+        solid = manifold3d.Manifold(mesh)
+        return solid if solid.status() == manifold3d.Error.NoError and not solid.is_empty() else None
+
+    def _project(self, frame: Float[np.ndarray, "3 3"]):  # type: ignore[no-untyped-def]
+        return self._solid.transform(np.column_stack([frame, np.zeros(3)])).project()
+
+    def _outlines_by_manifold(self, frame: Float[np.ndarray, "3 3"]) -> list[np.ndarray]:
+        return [np.asarray(outline) for outline in self._project(frame).to_polygons()]
+
+    def _outlines_by_union(self, frame: Float[np.ndarray, "3 3"]) -> list[np.ndarray]:
+        """Union of the projected triangles, for surfaces that are no manifold (touching at an edge or corner)."""
+        import shapely
+
+        flat = (self._vertices @ frame[:2].T)[self._faces]
+        a, b = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+        facing = flat[(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 1e-14]
+        union = shapely.union_all(shapely.polygons(facing))
+        outlines = []
+        for polygon in shapely.get_parts(union):
+            for ring, sign in [(polygon.exterior, True), *((hole, False) for hole in polygon.interiors)]:
+                points = shapely.get_coordinates(ring)[:-1]
+                outlines.append(points if ring.is_ccw == sign else points[::-1])
+        return outlines
+
+
+def maximum_projection(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    coarse: tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"]] | None = None,
+) -> Silhouette:
+    """Return the projection of largest area, its direction found to better than 0.1 % of the area.
+
+    Parameters
+    ----------
+    vertices, faces
+        The closed surface that is measured.
+    coarse : tuple of vertices and faces, optional
+        A lighter mesh of the same body to search on; the result is cast on the full one.
+    """
+    searched = coarse or (vertices, faces)
+    caster = SilhouetteCaster(*searched)
+    bounds = _hull_areas(searched[0])
+    directions = _directions()
+    order = np.argsort(-bounds, kind="stable")
+    tried: list[tuple[float, np.ndarray]] = []
+    best = 0.0
+    for index in order:
+        if bounds[index] <= best or len(tried) >= _EXACT_AT_MOST:
+            break
+        direction = directions[index]
+        if any(abs(direction @ other) > _APART for _, other in tried):
+            continue
+        area = caster.area(direction)
+        tried.append((area, direction))
+        best = max(best, area)
+    tried.sort(key=lambda entry: -entry[0])
+    # The peak of a cell 9 degrees wide lies at most 1.3 % above the value found in it.
+    starts = [entry for entry in tried[:3] if entry[0] > 0.985 * best]
+    ends = [_climb(caster, direction, area) for area, direction in starts]
+    direction = max(ends, key=lambda entry: entry[0])[1]
+    return (caster if coarse is None else SilhouetteCaster(vertices, faces)).cast(direction)
+
+
+def _climb(caster: SilhouetteCaster, direction: np.ndarray, area: float) -> tuple[float, np.ndarray]:
+    """Climb to the nearest peak of the projected area by quadratic models on shrinking hexagons."""
+    ring = np.radians(60.0 * np.arange(6))
+    hexagon = np.stack([np.cos(ring), np.sin(ring)], axis=1)
+    step = np.radians(5.0)
+    for _ in range(6):
+        frame = _frame_along(direction)
+        offsets = hexagon * np.tan(step)
+        trials = direction + offsets @ frame[:2]
+        areas = np.array([caster.area(trial) for trial in trials])
+        vertex = _peak_of_quadratic(offsets, areas - area)
+        limit = 2.0 * np.tan(step)
+        vertex *= min(1.0, limit / max(float(np.linalg.norm(vertex)), 1e-300))
+        candidates = [*trials, direction + vertex @ frame[:2]]
+        values = [*areas, caster.area(candidates[-1])]
+        winner = int(np.argmax(values))
+        gain = values[winner] - area
+        if gain > 0:
+            area, direction = values[winner], candidates[winner] / np.linalg.norm(candidates[winner])
+        if gain < 1e-4 * area and step < np.radians(2.0):
+            break
+        step *= 0.5 if winner < 6 and gain > 0 else 0.35
+    return area, direction
+
+
+def _peak_of_quadratic(
+    offsets: Float[np.ndarray, "6 2"], rises: Float[np.ndarray, "6"]
+) -> Float[np.ndarray, "2"]:
+    """Return where the quadratic through 0 at the centre and `rises` at the offsets peaks; 0 if it does not."""
+    u, v = offsets.T
+    terms = np.stack([u, v, 0.5 * u * u, u * v, 0.5 * v * v], axis=1)
+    gu, gv, huu, huv, hvv = np.linalg.lstsq(terms, rises, rcond=None)[0]
+    determinant = huu * hvv - huv * huv
+    if huu >= 0 or determinant <= 0:
+        return np.zeros(2)
+    return np.array([huv * gv - hvv * gu, huv * gu - huu * gv]) / determinant
+
+
+def _hull_areas(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "d"]:
+    """Projected areas of the convex hull over all directions: half the sum of |a . n|."""
+    hull = convex_hull(points)
+    triangles = points[hull.simplices]
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    areas = np.zeros(len(_directions()))
+    for part in np.array_split(normals, max(1, len(normals) // 4000)):
+        areas += 0.25 * np.abs(_directions() @ part.T).sum(axis=1)
+    return areas * (1 + 1e-9)
+
+
+@cache
+def _directions() -> Float[np.ndarray, "d 3"]:
+    """Evenly spread directions over half a sphere (Fibonacci)."""
+    index = np.arange(_DIRECTIONS) + 0.5
+    z = 1.0 - index / _DIRECTIONS
+    azimuth = np.pi * (1 + np.sqrt(5.0)) * index
+    ring = np.sqrt(1 - z**2)
+    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+
+
+def _frame_along(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Return a right-handed frame as rows whose third row is the direction."""
+    third = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
+    helper = np.zeros(3)
+    helper[np.abs(third).argmin()] = 1.0
+    first = np.cross(helper, third)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(third, first), third])
