@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Float64
 
 from mbstudio.core.errors import AvatarError
-from mbstudio.core.units import parse_unit
+from mbstudio.core.units import conversion_factor, parse_unit
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,3 +71,82 @@ class Avatar:
     def n(self) -> int:
         """Number of control points."""
         return len(self.weights)
+
+    @cached_property
+    def control(self) -> Float64[np.ndarray, "4 n"]:
+        """Control points as contiguous rows x, y, z, k: what the kernels of `field` take."""
+        from mbstudio.core.metaball.field import control_rows
+
+        return control_rows(self.centers, self.weights)
+
+    def field(self, points: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+        """Return f at points (x, y, z) in `unit`; infinite on a control point."""
+        from mbstudio.core.metaball.field import field_at
+
+        return field_at(points, self.control)
+
+    def gradient(self, points: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m 3"]:
+        """Return the gradient of f, in 1/unit, at points (x, y, z) in `unit`; NaN on a control point."""
+        from mbstudio.core.metaball.field import field_and_gradient_at
+
+        return field_and_gradient_at(points, self.control)[1]
+
+    def contains(self, points: Float[np.ndarray, "m 3"]) -> Bool[np.ndarray, "m"]:
+        """Return whether each point (x, y, z) in `unit` lies in the solid f >= 1."""
+        return self.field(points) >= 1.0
+
+    def bounds(self) -> Float64[np.ndarray, "2 3"]:
+        """Return a box (lowest and highest corner, in `unit`) that surely holds the solid, with little to spare."""
+        from mbstudio.core.metaball.field import solid_bounds
+
+        return solid_bounds(self.control)
+
+    def mesh(self, cells: int = 64) -> trimesh.Trimesh:
+        """Return the closed surface f = 1, triangles facing outward, in `unit` and the avatar's frame.
+
+        Parameters
+        ----------
+        cells : int
+            Grid cells along the longest side: 64 for figures, more for factors of angular grains.
+        """
+        from mbstudio.core.metaball.surface import surface_mesh
+
+        mesh = surface_mesh(self.control, cells)
+        mesh.units = self.unit
+        return mesh
+
+    def to(self, unit: str) -> Avatar:
+        """Return the same avatar in another length unit."""
+        return replace(self.scaled(conversion_factor(self.unit, unit)), unit=unit)
+
+    def scaled(self, factor: float) -> Avatar:
+        """Return the avatar with all lengths times `factor`, about the origin of its frame.
+
+        Raises
+        ------
+        AvatarError
+            If `factor` is not a positive finite number.
+        """
+        if not (np.isfinite(factor) and factor > 0):
+            raise AvatarError(f"Avatar '{self.name}' cannot be scaled by {factor}: give a positive number.")
+        return replace(self, centers=self.centers * factor, weights=self.weights * factor**2)
+
+    def transformed(
+        self, rotation: Float[np.ndarray, "3 3"] | None = None, translation: Float[np.ndarray, "3"] | None = None
+    ) -> Avatar:
+        """Return the avatar turned by `rotation`, then moved by `translation` (in `unit`).
+
+        Raises
+        ------
+        AvatarError
+            If `rotation` is not an orthogonal matrix, or a value is not finite.
+        """
+        centers = self.centers
+        if rotation is not None:
+            matrix = np.asarray(rotation, dtype=np.float64)
+            if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-8):
+                raise AvatarError(f"Avatar '{self.name}' can only be turned by an orthogonal 3 x 3 matrix.")
+            centers = centers @ matrix.T
+        if translation is not None:
+            centers = centers + np.asarray(translation, dtype=np.float64)
+        return replace(self, centers=centers)
