@@ -1,0 +1,124 @@
+"""A scale bar with its unit, which follows the zoom."""
+
+from __future__ import annotations
+
+import math
+import weakref
+
+import pyvista as pv
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkTextActor
+
+from mbstudio.core.units import METRES_PER_UNIT, unit_label
+from mbstudio.scene.theme import rgb
+
+
+def round_length(length: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is not above `length`."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return next(step * power for step in (5, 2, 1) if step * power <= length * (1 + 1e-9))
+
+
+def readable_length(length: float, unit: str) -> str:
+    """Return a length in the unit that gives the shortest number: 0.5 mm becomes 500 µm.
+
+    >>> readable_length(2000, "um")
+    '2 mm'
+    """
+    metres = length * METRES_PER_UNIT[unit]
+    for name in ("m", "mm", "um", "nm"):
+        if metres >= METRES_PER_UNIT[name] * (1 - 1e-9):
+            return f"{metres / METRES_PER_UNIT[name]:.4g} {unit_label(name)}"
+    return f"{length:g} {unit_label(unit)}"
+
+
+class ScaleBar:
+    """A bar of round length in the lower right corner; exact, as the projection is parallel.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+    unit : str
+        Canonical unit of the scene's coordinates.
+    colour : str
+    """
+
+    WIDEST = 0.22  # of the picture's width
+    MARGIN = 22  # pixels at scale 1
+
+    def __init__(self, plotter: pv.BasePlotter, unit: str, colour: str) -> None:
+        self.unit = unit
+        self.pixel_ratio = 1.0
+        self.length = 0.0
+        self._renderer = plotter.renderer
+        self._points = vtkPoints()
+        self._points.SetNumberOfPoints(4)
+        line = vtkPolyData()
+        line.SetPoints(self._points)
+        cells = vtkCellArray()
+        for first, second in ((0, 1), (0, 2), (1, 3)):
+            cells.InsertNextCell(2)
+            cells.InsertCellPoint(first)
+            cells.InsertCellPoint(second)
+        line.SetLines(cells)
+        mapper = vtkPolyDataMapper2D()
+        mapper.SetInputData(line)
+        self._line = vtkActor2D()
+        self._line.SetMapper(mapper)
+        self._text = vtkTextActor()
+        properties = self._text.GetTextProperty()
+        properties.SetJustificationToCentered()
+        properties.SetVerticalJustificationToBottom()
+        self.recolour(colour)
+        for actor in (self._line, self._text):
+            actor.PickableOff()
+            self._renderer.AddViewProp(actor)
+        # The renderer must not keep this object alive: VTK's observers and Python's references
+        # would form a ring that outlives the window.
+        bar = weakref.ref(self)
+
+        def follow(*_: object) -> None:
+            alive = bar()
+            if alive is not None:
+                alive.update()
+
+        self._observer = self._renderer.AddObserver("StartEvent", follow)
+
+    def recolour(self, colour: str) -> None:
+        """Draw bar and text in another colour."""
+        red, green, blue = (channel / 255 for channel in rgb(colour))
+        self._line.GetProperty().SetColor(red, green, blue)
+        self._text.GetTextProperty().SetColor(red, green, blue)
+
+    def set_visible(self, visible: bool) -> None:
+        """Show or hide the bar."""
+        self._line.SetVisibility(visible)
+        self._text.SetVisibility(visible)
+
+    def update(self) -> None:
+        """Fit the bar to the camera and the size of the picture."""
+        width, height = self._renderer.GetSize()
+        scale = self._renderer.GetActiveCamera().GetParallelScale()
+        if height < 2 or not (math.isfinite(scale) and scale > 0):
+            return
+        per_pixel = 2 * scale / height
+        self.length = round_length(self.WIDEST * width * per_pixel)
+        pixels, margin = self.length / per_pixel, self.MARGIN * self.pixel_ratio
+        right, base, tick = width - margin, margin, 5 * self.pixel_ratio
+        ends = (right - pixels, right)
+        for number, (x, y) in enumerate(
+            [(ends[0], base), (ends[1], base), (ends[0], base + tick), (ends[1], base + tick)]
+        ):
+            self._points.SetPoint(number, x, y, 0)
+        self._points.Modified()
+        self._line.GetProperty().SetLineWidth(2 * self.pixel_ratio)
+        self._text.SetInput(readable_length(self.length, self.unit))
+        self._text.GetTextProperty().SetFontSize(round(15 * self.pixel_ratio))
+        self._text.SetPosition(right - pixels / 2, base + 3 * self.pixel_ratio)
+
+    def remove(self) -> None:
+        """Take the bar out of its renderer."""
+        self._renderer.RemoveObserver(self._observer)
+        for actor in (self._line, self._text):
+            self._renderer.RemoveViewProp(actor)

@@ -1,0 +1,380 @@
+"""One scene: a scan, its grains, the chosen grain and its avatar, on any pyvista plotter.
+
+The same class draws the window, the pictures of a headless run and the figures of a report.
+Nothing here knows Qt; everything here must run in the thread that owns the plotter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+import pyvista as pv
+from jaxtyping import UInt8
+from vtkmodules.vtkRenderingCore import vtkCellPicker
+
+from mbstudio.scene.annotations import ScaleBar
+from mbstudio.scene.slices import SlicePlanes
+from mbstudio.scene.surfaces import LABEL_ARRAY
+from mbstudio.scene.theme import LIGHT, SceneTheme, label_colours, rgb
+from mbstudio.scene.volume import add_volume
+
+if TYPE_CHECKING:
+    from mbstudio.core.scan import Scan
+
+Layer = Literal["slices", "volume", "grains", "avatars", "grain", "avatar", "points"]
+LAYERS: tuple[Layer, ...] = get_args(Layer)
+
+View = Literal["isometric", "front", "back", "left", "right", "top", "bottom"]
+# Direction from the focal point to the camera, and the direction that is up.
+_VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "isometric": ((1.0, -1.35, 0.9), (0, 0, 1)),
+    "front": ((0, -1, 0), (0, 0, 1)),
+    "back": ((0, 1, 0), (0, 0, 1)),
+    "left": ((-1, 0, 0), (0, 0, 1)),
+    "right": ((1, 0, 0), (0, 0, 1)),
+    "top": ((0, 0, 1), (0, 1, 0)),
+    "bottom": ((0, 0, -1), (0, 1, 0)),
+}
+VIEWS: tuple[View, ...] = tuple(_VIEWS)
+
+
+class Scene:
+    """What is shown, as layers that can each be set, shown and hidden.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        Any plotter: off-screen, a Qt widget's, a subplot's.
+    theme : SceneTheme
+    unit : str
+        Canonical unit of the coordinates, for the scale bar.
+    """
+
+    def __init__(self, plotter: pv.BasePlotter, theme: SceneTheme = LIGHT, unit: str = "um") -> None:
+        self.plotter = plotter
+        self.theme = theme
+        self.unit = unit
+        self.slices: SlicePlanes | None = None
+        self.selected: int | None = None
+        self._scan: Scan | None = None
+        self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
+        self._opacity: dict[Layer, float] = {"grain": 0.45, "avatar": 1.0, "points": 1.0}
+        self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
+        self._box: pv.Actor | None = None
+        self._renderer = plotter.renderer
+        plotter.renderer.camera.SetParallelProjection(True)
+        # Else the first rendering turns the camera to pyvista's own preset.
+        plotter.renderer.camera_set = True
+        self._bar = ScaleBar(plotter, unit, theme.ink)
+        self._bar.set_visible(False)
+        plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
+        self.set_theme(theme)
+
+    # ---- what is shown ------------------------------------------------------------------
+
+    def set_scan(self, scan: Scan | None) -> None:
+        """Show a scan by three slices, or take the present one away."""
+        if self.slices is not None:
+            self.slices.remove()
+        self._scan, self.slices = scan, None
+        self._remove("volume")
+        if self._box is not None:
+            self.plotter.remove_actor(self._box, reset_camera=False, render=False)
+            self._box = None
+        if scan is None:
+            return
+        self._set_unit(scan.unit)
+        self.slices = SlicePlanes(self.plotter, scan, self.theme.axes)
+        self.slices.set_visible(self._visible["slices"])
+        low = np.array(scan.origin) - np.array(scan.voxel_size.xyz) / 2
+        high = low + scan.size
+        self._box = self.plotter.add_mesh(
+            pv.Box(bounds=np.column_stack([low, high]).ravel().tolist()).extract_all_edges(),
+            color=self.theme.ink,
+            opacity=0.35,
+            line_width=1,
+            pickable=False,
+            reset_camera=False,
+            render=False,
+            name="scan box",
+            lighting=False,
+        )
+        self._apply_visibility()
+
+    def set_volume(self, image: pv.ImageData | None) -> None:
+        """Show a scan's image data (:func:`~mbstudio.scene.volume.volume_image`) as a cloud."""
+        self._remove("volume")
+        if image is not None and self.slices is not None:
+            self._actors["volume"] = add_volume(self.plotter, image, self.slices.window, "volume")
+        self._apply_visibility()
+
+    @property
+    def has_volume(self) -> bool:
+        return "volume" in self._actors
+
+    def set_grains(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+        """Show all grains as one surface (:func:`~mbstudio.scene.surfaces.label_surface`)."""
+        self._set_labelled("grains", surface, unit)
+
+    def set_avatars(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+        """Show many avatars where their grains lie."""
+        self._set_labelled("avatars", surface, unit)
+
+    def set_grain(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+        """Show one grain's surface."""
+        self._set_surface("grain", surface, self.theme.grain, unit)
+
+    def set_avatar(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+        """Show one avatar's surface."""
+        self._set_surface("avatar", surface, self.theme.avatar, unit)
+
+    def set_points(self, spheres: pv.PolyData | None) -> None:
+        """Show an avatar's control points (:func:`~mbstudio.scene.surfaces.control_points`)."""
+        self._set_surface("points", spheres, self.theme.points, None)
+
+    def select(self, label: int | None) -> None:
+        """Bring out one grain of the overview: the others lose their colour."""
+        self.selected = label
+        for layer in ("grains", "avatars"):
+            self._colour_labels(layer)
+
+    def clear(self) -> None:
+        """Take everything away."""
+        self.set_scan(None)
+        for layer in LAYERS:
+            self._remove(layer)
+
+    # ---- how it is shown ----------------------------------------------------------------
+
+    def show_layers(self, shown: set[Layer]) -> None:
+        """Show exactly these layers (those that hold something)."""
+        self._visible = {layer: layer in shown for layer in LAYERS}
+        self._apply_visibility()
+
+    def show_layer(self, layer: Layer, shown: bool) -> None:
+        """Show or hide one layer."""
+        self._visible[layer] = shown
+        self._apply_visibility()
+
+    def is_shown(self, layer: Layer) -> bool:
+        """Return whether a layer is to be seen (it may hold nothing yet)."""
+        return self._visible[layer]
+
+    def set_opacity(self, layer: Layer, opacity: float) -> None:
+        """Make a surface see-through: 0 not to be seen, 1 solid."""
+        self._opacity[layer] = float(opacity)
+        if layer in self._actors:
+            self._actors[layer].prop.opacity = float(opacity)
+        self._apply_visibility()
+
+    def opacity(self, layer: Layer) -> float:
+        """Return a surface's opacity."""
+        return self._opacity.get(layer, 1.0)
+
+    def set_theme(self, theme: SceneTheme) -> None:
+        """Change all colours."""
+        self.theme = theme
+        self._renderer.set_background(theme.bottom, top=theme.top)
+        self._bar.recolour(theme.ink)
+        if self._box is not None:
+            self._box.prop.color = theme.ink
+        if self.slices is not None:
+            self.slices.recolour(theme.axes)
+        for layer, colour in (("grain", theme.grain), ("avatar", theme.avatar), ("points", theme.points)):
+            if layer in self._actors:
+                self._actors[layer].prop.color = colour
+        for layer in ("grains", "avatars"):
+            self._colour_labels(layer)
+        self._colour_axes()
+
+    def flatten(self, layer: Layer, colour: str, background: str) -> None:
+        """Show one layer alone in one flat colour: its silhouette, for measuring pictures."""
+        self.set_theme(replace(self.theme, top=background, bottom=background))
+        self.show_layers({layer})
+        self._bar.set_visible(False)
+        if self._box is not None:
+            self._box.SetVisibility(False)
+        self._renderer.axes_actor.SetVisibility(False)
+        actor = self._actors[layer]
+        actor.prop.color = colour
+        actor.prop.opacity = 1.0
+        actor.prop.lighting = False
+
+    def set_pixel_ratio(self, ratio: float) -> None:
+        """Tell how many pixels of the picture one of the screen's units is, for text and lines."""
+        self._bar.pixel_ratio = ratio
+
+    # ---- camera -------------------------------------------------------------------------
+
+    def fit(self) -> None:
+        """Bring all that is shown into the picture, without turning."""
+        bounds = self.bounds()
+        if bounds is None:
+            return
+        centre, radius = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0))) / 2
+        camera = self._renderer.camera
+        away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
+        away = away / (np.linalg.norm(away) or 1.0)
+        camera.SetFocalPoint(*centre)
+        camera.SetPosition(*(centre + away * radius * 4))
+        width, height = self._renderer.GetSize()
+        # What is seen from here decides, not the ball around it: a long grain fills the picture.
+        up = np.array(camera.GetViewUp())
+        right = np.cross(up, away)
+        right /= np.linalg.norm(right) or 1.0
+        up = np.cross(away, right)
+        corners = np.array(np.meshgrid(*bounds.T)).reshape(3, -1).T - centre
+        aspect = width / height if height else 1.0
+        half = max(np.abs(corners @ up).max(), np.abs(corners @ right).max() / aspect)
+        camera.SetParallelScale(max(half, 1e-12) * 1.12)
+        self._renderer.ResetCameraClippingRange()
+
+    def look_from(self, view: View) -> None:
+        """Turn to one of the preset views and fit."""
+        away, up = _VIEWS[view]
+        camera = self._renderer.camera
+        focal = np.array(camera.GetFocalPoint())
+        camera.SetPosition(*(focal + np.array(away)))
+        camera.SetViewUp(*up)
+        self.fit()
+
+    def bounds(self) -> np.ndarray | None:
+        """Return the corners, shape (2, 3), of all that is shown, or None."""
+        boxes = []
+        for layer in ("grains", "avatars", "grain", "avatar"):
+            actor = self._actors.get(layer)
+            if actor is not None and self._visible[layer]:
+                boxes.append(actor.GetBounds())
+        if self._box is not None and self._box.GetVisibility():
+            boxes.append(self._box.GetBounds())
+        if not boxes:
+            return None
+        corners = np.array(boxes).reshape(-1, 3, 2)
+        return np.array([corners[..., 0].min(axis=0), corners[..., 1].max(axis=0)])
+
+    # ---- asking the picture ---------------------------------------------------------------
+
+    def label_at(self, x: float, y: float) -> int | None:
+        """Return the label of the grain or avatar under a pixel (from the lower left), or None."""
+        picker = vtkCellPicker()
+        picker.SetTolerance(0.0005)
+        picker.PickFromListOn()
+        for layer in ("grains", "avatars"):
+            if layer in self._actors and self._visible[layer]:
+                picker.AddPickList(self._actors[layer])
+        if not picker.Pick(x, y, 0, self._renderer) or picker.GetCellId() < 0:
+            return None
+        label = int(picker.GetDataSet().GetCellData().GetArray(LABEL_ARRAY).GetTuple1(picker.GetCellId()))
+        return label or None
+
+    def screenshot(self) -> UInt8[np.ndarray, "h w 3"]:
+        """Render and return the picture."""
+        self.plotter.render()
+        return np.asarray(self.plotter.screenshot(return_img=True))
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _set_unit(self, unit: str | None) -> None:
+        if unit is not None:
+            self.unit = self._bar.unit = unit
+
+    def _set_surface(self, layer: Layer, surface: pv.PolyData | None, colour: str, unit: str | None) -> None:
+        self._set_unit(unit)
+        if surface is None or surface.n_cells == 0:
+            self._remove(layer)
+        elif layer in self._actors:
+            # While a fit runs this happens ten times a second: only the mapper's input changes.
+            self._actors[layer].mapper.dataset = surface
+        else:
+            self._actors[layer] = self.plotter.add_mesh(
+                surface,
+                color=colour,
+                smooth_shading=False,
+                specular=0.15,
+                specular_power=25,
+                ambient=0.12,
+                name=layer,
+                pickable=layer != "points",
+                reset_camera=False,
+                render=False,
+                show_scalar_bar=False,
+            )
+            self._actors[layer].prop.interpolation = "Phong"
+            self._actors[layer].prop.opacity = self.opacity(layer)
+            # Depth peeling loses see-through surfaces on OSMesa. Without back faces and with the
+            # grain drawn after the avatar inside it, plain blending is right.
+            self._actors[layer].prop.culling = "back"
+            if layer != "grain" and "grain" in self._actors:
+                self._renderer.RemoveActor(self._actors["grain"])
+                self._renderer.AddActor(self._actors["grain"])
+        self._apply_visibility()
+
+    def _set_labelled(self, layer: Layer, surface: pv.PolyData | None, unit: str | None) -> None:
+        self._set_unit(unit)
+        self._remove(layer)
+        if surface is not None and surface.n_cells:
+            surface.cell_data["colour"] = np.zeros((surface.n_cells, 3), dtype=np.uint8)
+            self._actors[layer] = self.plotter.add_mesh(
+                surface,
+                scalars="colour",
+                rgb=True,
+                smooth_shading=False,
+                specular=0.1,
+                specular_power=20,
+                ambient=0.1,
+                name=layer,
+                reset_camera=False,
+                render=False,
+                show_scalar_bar=False,
+            )
+            self._actors[layer].prop.interpolation = "Phong"
+            self._colour_labels(layer)
+        self._apply_visibility()
+
+    def _colour_labels(self, layer: Layer) -> None:
+        if layer not in self._actors:
+            return
+        surface = self._actors[layer].mapper.dataset
+        labels = surface.cell_data[LABEL_ARRAY]
+        colours = label_colours(int(labels.max()))
+        if self.selected is not None and self.selected < len(colours):
+            chosen = rgb(self.theme.grain)
+            # A faint trace of its own colour stays with every other grain.
+            colours = (0.78 * np.array(rgb(self.theme.muted)) + 0.22 * colours).astype(np.uint8)
+            colours[self.selected] = chosen
+        surface.cell_data["colour"][:] = colours[labels]
+        surface.GetCellData().GetArray("colour").Modified()
+        surface.Modified()
+
+    def _remove(self, layer: Layer) -> None:
+        actor = self._actors.pop(layer, None)
+        if actor is not None:
+            self.plotter.remove_actor(actor, reset_camera=False, render=False)
+            self._apply_visibility()
+
+    def _apply_visibility(self) -> None:
+        if self.slices is not None:
+            self.slices.set_visible(self._visible["slices"])
+        for layer, actor in self._actors.items():
+            actor.SetVisibility(self._visible[layer] and self.opacity(layer) > 0.001)
+        if self._box is not None:
+            self._box.SetVisibility(any(self._visible[layer] for layer in ("slices", "volume", "grains")))
+        self._bar.set_visible(self.bounds() is not None)
+
+    def _colour_axes(self) -> None:
+        axes = getattr(self._renderer, "axes_actor", None)
+        if axes is None:
+            return
+        ink = tuple(channel / 255 for channel in rgb(self.theme.ink))
+        for name, colour in zip("XYZ", self.theme.axes, strict=True):
+            share = tuple(channel / 255 for channel in rgb(colour))
+            for part in ("Shaft", "Tip"):
+                getattr(axes, f"Get{name}Axis{part}Property")().SetColor(*share)
+            getattr(axes, f"Get{name}AxisCaptionActor2D")().GetCaptionTextProperty().SetColor(*ink)
+
+    def close(self) -> None:
+        """Let go of the plotter's objects; the plotter itself is closed by its owner."""
+        self.clear()
+        self._bar.remove()

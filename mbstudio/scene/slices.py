@@ -1,0 +1,203 @@
+"""Slices through a scan: the picture of one, and three of them standing in space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pyvista as pv
+from jaxtyping import Int, Shaped, UInt8
+from vtkmodules.vtkRenderingCore import vtkImageSlice, vtkImageSliceMapper
+
+from mbstudio.scene.theme import label_colours
+
+if TYPE_CHECKING:
+    from mbstudio.core.scan import Scan
+
+Axis = Literal["x", "y", "z"]
+AXES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+
+
+def grey_window(scan: Scan, slices: int = 7) -> tuple[float, float]:
+    """Return grey values (low, high) between which the scan shows well: its 0.5 and 99.8 percentiles.
+
+    Voxels of exactly 0 are left out where they are many: they are the box around the field of view.
+    """
+    sample = sample_of_voxels(scan, slices)
+    if not sample.size:
+        return 0.0, 1.0
+    low, high = np.percentile(sample, (0.5, 99.8))
+    return (float(low), float(high)) if high > low else (float(low), float(low) + 1.0)
+
+
+def sample_of_voxels(scan: Scan, slices: int = 7, side: int = 256) -> Shaped[np.ndarray, " m"]:
+    """Return some of the scan's finite voxels, from evenly spaced slices, without the empty box."""
+    nz, ny, nx = scan.shape
+    step_y, step_x = max(1, ny // side), max(1, nx // side)
+    rows = np.unique(np.linspace(0, nz - 1, min(slices + 2, nz)).astype(int))
+    rows = rows[1:-1] if len(rows) > 2 else rows
+    sample = np.concatenate([np.asarray(scan.voxels[int(z)])[::step_y, ::step_x].ravel() for z in rows])
+    if np.issubdtype(sample.dtype, np.floating):
+        sample = sample[np.isfinite(sample)]
+    inside = sample[sample != 0]
+    return inside if 0 < inside.size < 0.95 * sample.size else sample
+
+
+def cut(volume: Any, axis: Axis, index: int) -> np.ndarray:
+    """Return the slice of a [z, y, x] volume across `axis`, its rows along the later axis."""
+    if axis == "z":
+        return np.asarray(volume[index])
+    return np.asarray(volume[:, index, :] if axis == "y" else volume[:, :, index])
+
+
+def slice_image(
+    grey: Shaped[np.ndarray, "h w"],
+    window: tuple[float, float],
+    labels: Int[np.ndarray, "h w"] | None = None,
+    colours: UInt8[np.ndarray, "k 3"] | None = None,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a slice as red, green and blue: grey values in the window, grains outlined.
+
+    Parameters
+    ----------
+    window : tuple of float
+        Grey values shown black and white.
+    labels : int array, shape (h, w), optional
+        Grain labels of the same slice; the outline of each lies inside it.
+    colours : uint8 array, shape (k, 3), optional
+        Colour of each label; by default :func:`label_colours`.
+    """
+    low, high = window
+    scale = 255.0 / max(high - low, np.finfo(np.float32).tiny)
+    shown = np.nan_to_num((np.asarray(grey, dtype=np.float32) - low) * scale, nan=0.0)
+    image = np.repeat(np.clip(shown, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    if labels is not None and labels.any():
+        edge = np.zeros(labels.shape, dtype=bool)
+        across, along = labels[1:] != labels[:-1], labels[:, 1:] != labels[:, :-1]
+        edge[1:] |= across
+        edge[:-1] |= across
+        edge[:, 1:] |= along
+        edge[:, :-1] |= along
+        edge &= labels > 0
+        if colours is None:
+            colours = label_colours(int(labels.max()))
+        image[edge] = colours[labels[edge]]
+    return image
+
+
+class SlicePlanes:
+    """Three slices across x, y and z, standing where they were cut, each with a thin frame.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+    scan : Scan
+    axis_colours : tuple of str
+        Colours of the frames across x, y and z.
+    """
+
+    def __init__(self, plotter: pv.BasePlotter, scan: Scan, axis_colours: tuple[str, str, str]) -> None:
+        self._plotter = plotter
+        self._scan = scan
+        self.window = grey_window(scan)
+        nz, ny, nx = scan.shape
+        self.counts: dict[Axis, int] = {"x": nx, "y": ny, "z": nz}
+        self.index: dict[Axis, int] = {axis: count // 2 for axis, count in self.counts.items()}
+        self.shown: dict[Axis, bool] = dict.fromkeys(AXES, True)
+        self._visible = True
+        self._labels: np.ndarray | None = None
+        self._colours: np.ndarray | None = None
+        self._planes: dict[Axis, vtkImageSlice] = {}
+        self._frames: dict[Axis, pv.Actor] = {}
+        for axis, colour in zip(AXES, axis_colours, strict=True):
+            plane = vtkImageSlice()
+            mapper = vtkImageSliceMapper()
+            mapper.SetOrientation(AXES.index(axis))
+            plane.SetMapper(mapper)
+            plane.GetProperty().SetColorWindow(255)
+            plane.GetProperty().SetColorLevel(127.5)
+            plane.GetProperty().SetInterpolationTypeToNearest()
+            plane.PickableOff()
+            plotter.add_actor(plane, name=f"slice {axis}", reset_camera=False, render=False)
+            self._planes[axis] = plane
+            self._frames[axis] = plotter.add_mesh(
+                pv.PolyData(np.zeros((1, 3), np.float32)),
+                color=colour,
+                line_width=2,
+                name=f"frame {axis}",
+                pickable=False,
+                reset_camera=False,
+                render=False,
+                lighting=False,
+            )
+            self._draw(axis)
+
+    def move(self, axis: Axis, index: int) -> None:
+        """Cut across `axis` at voxel `index`."""
+        self.index[axis] = int(np.clip(index, 0, self.counts[axis] - 1))
+        self._draw(axis)
+
+    def set_window(self, low: float, high: float) -> None:
+        """Show grey value `low` black and `high` white."""
+        self.window = (float(low), float(high))
+        self._draw_all()
+
+    def set_labels(self, labels: Int[np.ndarray, "Z Y X"] | None) -> None:
+        """Outline the grains of a label volume of the scan's shape."""
+        self._labels = labels
+        self._colours = None if labels is None else label_colours(int(labels.max()))
+        self._draw_all()
+
+    def set_visible(self, visible: bool) -> None:
+        """Show or hide all three."""
+        self._visible = visible
+        self._apply_visibility()
+
+    def show(self, axis: Axis, shown: bool) -> None:
+        """Show or hide the slice across one axis."""
+        self.shown[axis] = shown
+        self._apply_visibility()
+
+    def recolour(self, axis_colours: tuple[str, str, str]) -> None:
+        """Give the frames other colours."""
+        for axis, colour in zip(AXES, axis_colours, strict=True):
+            self._frames[axis].prop.color = colour
+
+    def remove(self) -> None:
+        """Take everything out of the plotter."""
+        for actor in (*self._planes.values(), *self._frames.values()):
+            self._plotter.remove_actor(actor, reset_camera=False, render=False)
+        self._planes.clear()
+        self._frames.clear()
+
+    def _apply_visibility(self) -> None:
+        for axis in AXES:
+            visible = self._visible and self.shown[axis]
+            self._planes[axis].SetVisibility(visible)
+            self._frames[axis].SetVisibility(visible)
+
+    def _draw_all(self) -> None:
+        for axis in AXES:
+            self._draw(axis)
+
+    def _draw(self, axis: Axis) -> None:
+        index = self.index[axis]
+        labels = None if self._labels is None else cut(self._labels, axis, index)
+        image = slice_image(cut(self._scan.voxels, axis, index), self.window, labels, self._colours)
+        number = AXES.index(axis)
+        dimensions = [self.counts[name] for name in AXES]
+        dimensions[number] = 1
+        spacing = np.array(self._scan.voxel_size.xyz)
+        origin = np.array(self._scan.origin, dtype=float)
+        origin[number] += index * spacing[number]
+        data = pv.ImageData(dimensions=dimensions, spacing=tuple(spacing), origin=tuple(origin))
+        data.point_data["grey"] = image.reshape(-1, 3)
+        self._planes[axis].GetMapper().SetInputData(data)
+        self._frames[axis].mapper.dataset = _frame(origin, spacing * (np.array(dimensions) - 1), number)
+
+
+def _frame(origin: np.ndarray, size: np.ndarray, axis: int) -> pv.PolyData:
+    """Return the closed rectangle around a slice across `axis`."""
+    first, second = (np.eye(3)[number] * size[number] for number in range(3) if number != axis)
+    corners = np.array([origin, origin + first, origin + first + second, origin + second, origin])
+    return pv.lines_from_points(corners)
