@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from mbstudio.core.errors import MeasureError
 
 _STARTS = 600
-_KEPT = 6
+_KEPT = 4
 _TRIALS = 48
 _STAGES = 18
 _SHRINK = 0.6
@@ -31,7 +31,7 @@ class BoundingBox:
         Unit vectors of these edges as rows, right-handed.
     """
 
-    lengths: Float[np.ndarray, "3"]
+    lengths: Float[np.ndarray, " 3"]
     directions: Float[np.ndarray, "3 3"]
 
 
@@ -43,7 +43,7 @@ def convex_hull(points: Float[np.ndarray, "m 3"]) -> ConvexHull:
         raise MeasureError("The body is flat or empty: it has no volume, so no shape factors.") from error
 
 
-def minimum_bounding_box(points: Float[np.ndarray, "m 3"]) -> BoundingBox:
+def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
     """Return the oriented bounding box of least volume, to about 1e-4 of its volume.
 
     The volume as a function of the rotation has kinks wherever the touching vertices change,
@@ -52,16 +52,10 @@ def minimum_bounding_box(points: Float[np.ndarray, "m 3"]) -> BoundingBox:
 
     Parameters
     ----------
-    points : float array, shape (m, 3)
-        Points of the body's surface; only those on the convex hull matter.
-
-    Raises
-    ------
-    MeasureError
-        If the points have no volume.
+    hull : scipy.spatial.ConvexHull
+        Convex hull of the body (:func:`convex_hull`).
     """
-    hull = convex_hull(points)
-    corners = points[hull.vertices]
+    corners = hull.points[hull.vertices]
     centre = corners.mean(axis=0)
     scale = float(np.abs(corners - centre).max())
     corners = (corners - centre) / scale
@@ -72,6 +66,7 @@ def minimum_bounding_box(points: Float[np.ndarray, "m 3"]) -> BoundingBox:
     turns = _turns()
     angle = np.radians(12.0)
     for _ in range(_STAGES):
+        corners = _within_reach(corners, frames, angle / (1.0 - _SHRINK))
         step = Rotation.from_rotvec(turns * angle).as_matrix()
         trials = np.einsum("tij,kjl->ktil", step, frames)
         trial_volumes = _extents(corners, trials.reshape(-1, 3, 3)).prod(axis=1).reshape(len(frames), -1)
@@ -95,6 +90,21 @@ def _extents(
     """Edge lengths of the boxes whose edges are the rows of each frame."""
     heights = frames.reshape(-1, 3) @ corners.T
     return (heights.max(axis=1) - heights.min(axis=1)).reshape(-1, 3)
+
+
+def _within_reach(
+    corners: Float[np.ndarray, "m 3"], frames: Float[np.ndarray, "k 3 3"], angle: float
+) -> Float[np.ndarray, "c 3"]:
+    """Keep the corners that can touch a box once its frame has turned by at most this angle.
+
+    The corners lie within sqrt(3) of the origin, so no height changes by more than sqrt(3) times the angle.
+    """
+    heights = frames.reshape(-1, 3) @ corners.T
+    slack = 2.0 * np.sqrt(3.0) * angle
+    near = (heights >= heights.max(axis=1, keepdims=True) - slack) | (
+        heights <= heights.min(axis=1, keepdims=True) + slack
+    )
+    return corners[near.any(axis=0)]
 
 
 def _frames_of(corners: Float[np.ndarray, "m 3"], hull: ConvexHull) -> Float[np.ndarray, "k 3 3"]:

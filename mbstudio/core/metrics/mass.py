@@ -42,15 +42,15 @@ class MassProperties:
 
     volume: float
     mass: float
-    com: Float[np.ndarray, "3"]
+    com: Float[np.ndarray, " 3"]
     inertia: Float[np.ndarray, "3 3"]
-    principal: Float[np.ndarray, "3"]
+    principal: Float[np.ndarray, " 3"]
     rotation: Float[np.ndarray, "3 3"]
     unit: str
     density: float
 
     @property
-    def quaternion(self) -> Float[np.ndarray, "4"]:
+    def quaternion(self) -> Float[np.ndarray, " 4"]:
         """The rotation as a unit quaternion (w, x, y, z), w >= 0."""
         from scipy.spatial.transform import Rotation
 
@@ -118,7 +118,7 @@ def mesh_unit(mesh: trimesh.Trimesh, unit: str | None) -> str:
     return parse_unit(unit)
 
 
-def volume_integrals(vertices: Float[np.ndarray, "v 3"], faces: np.ndarray) -> Float[np.ndarray, "10"]:
+def volume_integrals(vertices: Float[np.ndarray, "v 3"], faces: np.ndarray) -> Float[np.ndarray, " 10"]:
     """Return the integrals of 1, x, y, z, xx, yy, zz, xy, yz, zx over the body, exact for a closed mesh.
 
     Sum over the tetrahedra between the origin and each face (signed volume).
@@ -146,7 +146,7 @@ def volume_integrals(vertices: Float[np.ndarray, "v 3"], faces: np.ndarray) -> F
 
 
 def properties_of_integrals(
-    integrals: Float[np.ndarray, "10"], origin: Float[np.ndarray, "3"], density: float, unit: str
+    integrals: Float[np.ndarray, " 10"], origin: Float[np.ndarray, " 3"], density: float, unit: str
 ) -> MassProperties:
     """Return the mass properties that volume integrals about `origin` stand for.
 

@@ -11,7 +11,7 @@ from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics import factors
-from mbstudio.core.metrics.axes import minimum_bounding_box
+from mbstudio.core.metrics.axes import convex_hull, minimum_bounding_box
 from mbstudio.core.metrics.projection import maximum_projection
 from mbstudio.core.metrics.shape_factors import ShapeFactors
 from mbstudio.core.metrics.surfaces import (
@@ -96,8 +96,9 @@ def in_unit(measured: ShapeFactors, unit: str) -> ShapeFactors:
 def _factors_of(body: _Body) -> ShapeFactors:
     if not body.volume > 0:
         raise MeasureError("The body has no volume, so no shape factors.")
-    box = minimum_bounding_box(body.outline[0])
-    shadow = maximum_projection(*body.outline, coarse=body.coarse)
+    hull = convex_hull(body.outline[0])
+    box = minimum_bounding_box(hull)
+    shadow = maximum_projection(*body.outline, hull, coarse=body.coarse)
     shortest, intermediate, longest = (float(length) for length in box.lengths)
     dn = factors.nominal_diameter(body.volume)
     ds = factors.projected_diameter(shadow.area)

@@ -14,10 +14,9 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull
 
-from mbstudio.core.metrics.axes import convex_hull
-
-_DIRECTIONS = 1500
+_DIRECTIONS = 700
 _EXACT_AT_MOST = 24
 _APART = np.cos(np.radians(9.0))
 
@@ -38,7 +37,7 @@ class Silhouette:
 
     area: float
     perimeter: float
-    direction: Float[np.ndarray, "3"]
+    direction: Float[np.ndarray, " 3"]
 
 
 class SilhouetteCaster:
@@ -58,7 +57,7 @@ class SilhouetteCaster:
         self._faces = np.ascontiguousarray(faces)
         self._solid = self._make_solid()
 
-    def cast(self, direction: Float[np.ndarray, "3"]) -> Silhouette:
+    def cast(self, direction: Float[np.ndarray, " 3"]) -> Silhouette:
         """Return the silhouette along a direction (any length but zero)."""
         frame = _frame_along(direction)
         outlines = (
@@ -71,7 +70,7 @@ class SilhouetteCaster:
             perimeter += float(np.linalg.norm(after - outline, axis=1).sum())
         return Silhouette(area * self._scale**2, perimeter * self._scale, frame[2])
 
-    def area(self, direction: Float[np.ndarray, "3"]) -> float:
+    def area(self, direction: Float[np.ndarray, " 3"]) -> float:
         """Return the projected area along a direction."""
         if self._solid is None:
             return self.cast(direction).area
@@ -93,7 +92,7 @@ class SilhouetteCaster:
         return [np.asarray(outline) for outline in self._project(frame).to_polygons()]
 
     def _outlines_by_union(self, frame: Float[np.ndarray, "3 3"]) -> list[np.ndarray]:
-        """Union of the projected triangles, for surfaces that are no manifold (touching at an edge or corner)."""
+        """Union of the projected triangles, for surfaces that touch themselves at an edge."""
         import shapely
 
         flat = (self._vertices @ frame[:2].T)[self._faces]
@@ -111,6 +110,7 @@ class SilhouetteCaster:
 def maximum_projection(
     vertices: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
+    hull: ConvexHull,
     coarse: tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"]] | None = None,
 ) -> Silhouette:
     """Return the projection of largest area, its direction found to better than 0.1 % of the area.
@@ -119,12 +119,14 @@ def maximum_projection(
     ----------
     vertices, faces
         The closed surface that is measured.
+    hull : scipy.spatial.ConvexHull
+        Its convex hull.
     coarse : tuple of vertices and faces, optional
         A lighter mesh of the same body to search on; the result is cast on the full one.
     """
     searched = coarse or (vertices, faces)
     caster = SilhouetteCaster(*searched)
-    bounds = _hull_areas(searched[0])
+    bounds = _hull_areas(hull)
     directions = _directions()
     order = np.argsort(-bounds, kind="stable")
     tried: list[tuple[float, np.ndarray]] = []
@@ -172,9 +174,9 @@ def _climb(caster: SilhouetteCaster, direction: np.ndarray, area: float) -> tupl
 
 
 def _peak_of_quadratic(
-    offsets: Float[np.ndarray, "6 2"], rises: Float[np.ndarray, "6"]
-) -> Float[np.ndarray, "2"]:
-    """Return where the quadratic through 0 at the centre and `rises` at the offsets peaks; 0 if it does not."""
+    offsets: Float[np.ndarray, "6 2"], rises: Float[np.ndarray, " 6"]
+) -> Float[np.ndarray, " 2"]:
+    """Return where the quadratic with value 0 at 0 and `rises` at the offsets peaks; 0 if it does not."""
     u, v = offsets.T
     terms = np.stack([u, v, 0.5 * u * u, u * v, 0.5 * v * v], axis=1)
     gu, gv, huu, huv, hvv = np.linalg.lstsq(terms, rises, rcond=None)[0]
@@ -184,10 +186,9 @@ def _peak_of_quadratic(
     return np.array([huv * gv - hvv * gu, huv * gu - huu * gv]) / determinant
 
 
-def _hull_areas(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "d"]:
+def _hull_areas(hull: ConvexHull) -> Float[np.ndarray, " d"]:
     """Projected areas of the convex hull over all directions: half the sum of |a . n|."""
-    hull = convex_hull(points)
-    triangles = points[hull.simplices]
+    triangles = hull.points[hull.simplices]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = np.zeros(len(_directions()))
     for part in np.array_split(normals, max(1, len(normals) // 4000)):
@@ -205,7 +206,7 @@ def _directions() -> Float[np.ndarray, "d 3"]:
     return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
 
 
-def _frame_along(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def _frame_along(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
     """Return a right-handed frame as rows whose third row is the direction."""
     third = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
     helper = np.zeros(3)

@@ -23,7 +23,7 @@ VerticesFaces = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 @dataclass(frozen=True, eq=False)
 class NestedSurface:
-    """Two meshes of one smooth surface, every vertex on it, the fine one splitting each face of the coarse in four.
+    """Two meshes of one smooth surface, every vertex on it; the fine one splits each coarse face in four.
 
     An integral I over the surface or the body then has errors of order h**2 with the ratio 4,
     so that ``(4 I_fine - I_coarse) / 3`` is exact to order h**4.
@@ -38,7 +38,7 @@ class NestedSurface:
 
 
 def avatar_surface(avatar: Avatar, cells: int = _COARSE_CELLS) -> NestedSurface:
-    """Mesh an avatar with `cells` cells along its longest side, project the vertices, subdivide, project again.
+    """Mesh an avatar with `cells` cells along its longest side, project, subdivide, project again.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def project_to_surface(
         value = np.asarray(avatar.field(moved))
         slope = np.asarray(avatar.gradient(moved))
         squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 1e-300)
-        # u = f**(-1/2): grad u = -u**3 grad f / 2, so (1 - u) grad u / |grad u|**2 = -2 (1 - u) grad f / (u**3 |grad f|**2)
+        # With u = f**(-1/2), grad u = -u**3 grad f / 2; the step is (1 - u) grad u / |grad u|**2.
         u = value**-0.5
         shift = (-2.0 * (1.0 - u) / (u**3 * squared))[:, None] * slope
         length = np.linalg.norm(shift, axis=1)
@@ -103,7 +103,7 @@ def subdivide(
 
 
 def outer_pieces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> int:
-    """Return how many solid pieces a closed mesh has; cavities (shells of negative volume) are not counted."""
+    """Return how many solid pieces a closed mesh has; cavities (shells of negative volume) do not count."""
     rows, columns = faces[:, [0, 1]].T
     graph = coo_array(
         (np.ones(len(faces), dtype=np.int8), (rows, columns)), shape=(len(vertices), len(vertices))
@@ -117,7 +117,7 @@ def outer_pieces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3
 
 def signed_volumes(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-) -> Float[np.ndarray, "f"]:
+) -> Float[np.ndarray, " f"]:
     """Return the signed volume of the tetrahedron between each face and the mean of the vertices."""
     centred = vertices - vertices.mean(axis=0)
     a, b, c = (centred[faces[:, corner]] for corner in range(3))
