@@ -1,1 +1,7 @@
 """The project: its state, its file and its history."""
+
+from mbstudio.core.project.history import History
+from mbstudio.core.project.project import Project
+from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
+
+__all__ = ["FitSettings", "History", "Project", "ProjectState", "ScanReference"]

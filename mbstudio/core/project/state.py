@@ -21,16 +21,20 @@ class ScanReference:
     """Where the scan lies and how to recognise it: the project file does not hold its voxels.
 
     `digest` is the SHA-256 of the voxels as they lie in memory order (z, y, x), so that it does
-    not depend on the file format; `shape` is (Z, Y, X), `dtype` numpy's name.
+    not depend on the file format; `shape` is (Z, Y, X), `dtype` numpy's name. `header_bytes` and
+    `big_endian` matter for RAW files, which say nothing about themselves. `embedded` scans lie
+    in the project file; `path` then only tells where they came from (None: made by a program).
     """
 
-    path: Path
+    path: Path | None
     shape: tuple[int, int, int]
     dtype: str
     voxel_size: VoxelSize
     origin: tuple[float, float, float]
     digest: str
     embedded: bool = False
+    header_bytes: int = 0
+    big_endian: bool = False
 
 
 @dataclass(frozen=True)

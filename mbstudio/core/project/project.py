@@ -1,0 +1,229 @@
+"""A project: one scan, its grains and their avatars, with undo and a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from psygnal import Signal
+
+from mbstudio.core.errors import ProjectError
+from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.imaging.steps import FitResult
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
+from mbstudio.core.project.history import History
+from mbstudio.core.project.scan_reference import refer_to, reopen
+from mbstudio.core.project.state import ProjectState, ScanReference
+from mbstudio.core.scan import Scan
+
+
+class Project:
+    """What the window, the command line and scripts work on.
+
+    The state is a frozen record; :meth:`change` puts a new one in its place and remembers the
+    old one for :meth:`undo`. Nothing is written before :meth:`save`, also not at the end of a
+    ``with`` block.
+
+    Attributes
+    ----------
+    path : Path or None
+        The project file; None before the first save.
+    history : History
+    changed : signal
+        Emitted with the new :class:`ProjectState` after every change, undo and redo.
+
+    Examples
+    --------
+    >>> with Project.open("sand.mbs") as project:  # doctest: +SKIP
+    ...     heaviest = max(project.grains, key=lambda grain: grain.volume)
+    """
+
+    changed = Signal(ProjectState)
+
+    def __init__(self, state: ProjectState | None = None, path: str | Path | None = None) -> None:
+        self.path = Path(path) if path is not None else None
+        self.history = History(state or ProjectState())
+        self._saved_state: ProjectState | None = self.state
+        self._open_scans: dict[str, Scan] = {}
+
+    @classmethod
+    def new(cls, scan: Scan | None = None, *, embed_scan: bool = False) -> Project:
+        """Return an unsaved project, empty or of `scan`."""
+        project = cls()
+        if scan is not None:
+            reference = refer_to(scan, embed=embed_scan)
+            project._open_scans[reference.digest] = scan
+            project.history = History(replace(project.state, scan=reference))
+            project._saved_state = None
+        return project
+
+    @classmethod
+    def open(cls, path: str | Path) -> Project:
+        """Open a project file. The scan itself is opened when :attr:`scan` is first asked for.
+
+        Raises
+        ------
+        ProjectError
+            If the file is missing, damaged, no project, or of a newer mbstudio.
+        """
+        return cls(read_project(Path(path)), path)
+
+    @property
+    def state(self) -> ProjectState:
+        return self.history.state
+
+    @property
+    def is_modified(self) -> bool:
+        """Whether there is something that is not in the file."""
+        return self.state is not self._saved_state
+
+    @property
+    def grains(self) -> GrainSet | None:
+        return self.state.grains
+
+    @property
+    def fits(self) -> Mapping[int, FitResult]:
+        """Fits by grain label."""
+        return self.state.fits
+
+    @property
+    def avatars(self) -> list[Avatar]:
+        """The avatar of every fit, by ascending label."""
+        return [self.fits[label].avatar for label in sorted(self.fits)]
+
+    @property
+    def scan(self) -> Scan | None:
+        """The scan, opened and compared with its digest at first use; None without a scan.
+
+        Raises
+        ------
+        ScanError
+            If it was moved, cannot be read, or holds other voxels: see :meth:`relocate_scan`.
+        """
+        reference = self.state.scan
+        if reference is None:
+            return None
+        if reference.digest not in self._open_scans:
+            if reference.embedded and self.path is not None:
+                voxels = read_embedded_voxels(self.path)
+                scan = Scan(voxels, reference.voxel_size, reference.origin, reference.path)
+            else:
+                scan = reopen(reference)
+            self._open_scans[reference.digest] = scan
+        return replace(
+            self._open_scans[reference.digest], voxel_size=reference.voxel_size, origin=reference.origin
+        )
+
+    def change(self, title: str, **changes: Any) -> ProjectState:
+        """Replace fields of the state, as one change that can be undone; return the new state."""
+        return self._push(replace(self.state, **changes), title)
+
+    def use_scan(
+        self,
+        scan: Scan,
+        *,
+        title: str = "Open scan",
+        embed: bool = False,
+        reference: ScanReference | None = None,
+    ) -> ProjectState:
+        """Begin with another scan: its grains and fits are yet to be found.
+
+        Who has its `reference` already (the window makes it in a worker, as that reads all
+        voxels) gives it.
+        """
+        reference = reference or refer_to(scan, embed=embed)
+        self._open_scans[reference.digest] = scan
+        begun = replace(self.state, scan=reference, grains=None, fits=ProjectState().fits)
+        return self._push(begun, title)
+
+    def add_fits(self, fits: Mapping[int, FitResult], title: str = "Fit avatars") -> ProjectState:
+        """Add (or replace) fits by label."""
+        return self._push(self.state.with_fits(fits), title)
+
+    def relocate_scan(self, path: str | Path) -> Scan:
+        """Tell where the scan lies now; it must hold the same voxels.
+
+        Raises
+        ------
+        ProjectError
+            If the project has no scan.
+        ScanError
+            If `path` cannot be read or holds other voxels.
+        """
+        if self.state.scan is None:
+            raise ProjectError("The project has no scan that could have moved: open one first.")
+        scan = reopen(self.state.scan, Path(path))
+        self._open_scans[self.state.scan.digest] = scan
+        self.change("Relocate scan", scan=replace(self.state.scan, path=Path(path)))
+        return scan
+
+    def undo(self) -> ProjectState:
+        """Take the last change back; ProjectError if there is none."""
+        self.history.undo()
+        self.changed.emit(self.state)
+        return self.state
+
+    def redo(self) -> ProjectState:
+        """Make the change that was taken back last again; ProjectError if there is none."""
+        self.history.redo()
+        self.changed.emit(self.state)
+        return self.state
+
+    def save(self, path: str | Path | None = None, *, embed_scan: bool | None = None) -> Path:
+        """Write the project to `path`, or to the file that it came from.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+        embed_scan : bool, optional
+            Whether the file holds the scan's voxels too; by default as before. A scan that
+            lies in no file of its own is always embedded.
+
+        Returns
+        -------
+        Path
+            The file written.
+
+        Raises
+        ------
+        ProjectError
+            If there is no path yet, or the file cannot be written; an older file stays as it was.
+        ScanError
+            If the scan is to be embedded and cannot be opened.
+        """
+        target = Path(path) if path is not None else self.path
+        if target is None:
+            raise ProjectError("The project has no file yet: give save a path, for example 'sand.mbs'.")
+        begun = state = self.state
+        if state.scan is not None and embed_scan is not None and embed_scan != state.scan.embedded:
+            embedded = embed_scan or state.scan.path is None
+            state = replace(state, scan=replace(state.scan, embedded=embedded))
+        scan = self.scan if state.scan is not None and state.scan.embedded else None
+        write_project(target, state, scan.voxels if scan is not None else None)
+        if state is not begun:
+            self._push(state, "Embed scan" if embed_scan else "Do not embed scan")
+        self.path = target
+        # What was written, not what holds now: the window saves in a worker, and work goes on.
+        self._saved_state = state
+        return target
+
+    def close(self) -> None:
+        """Let go of the scan's file; unsaved changes stay in memory only."""
+        self._open_scans.clear()
+
+    def __enter__(self) -> Project:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _push(self, state: ProjectState, title: str) -> ProjectState:
+        self.history.push(state, title)
+        self.changed.emit(state)
+        return state

@@ -1,0 +1,67 @@
+"""How a project remembers a scan, and finds it again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mbstudio.core.errors import MbstudioError, ScanError
+from mbstudio.core.project.state import ScanReference
+from mbstudio.core.scan import Scan, open_scan, voxel_digest
+
+HOW_TO_RELOCATE = "give its new place: project.relocate_scan(path), or --scan on the command line"
+
+
+def refer_to(scan: Scan, *, embed: bool = False) -> ScanReference:
+    """Return what a project keeps of a scan; this reads all voxels once for their digest.
+
+    A scan that no file holds (the built-in sample) is always embedded.
+    """
+    dtype = np.dtype(scan.voxels.dtype)
+    return ScanReference(
+        path=scan.path,
+        shape=scan.shape,
+        dtype=dtype.name,
+        voxel_size=scan.voxel_size,
+        origin=scan.origin,
+        digest=voxel_digest(scan),
+        embedded=embed or scan.path is None,
+        header_bytes=int(scan.voxels.offset) if isinstance(scan.voxels, np.memmap) else 0,
+        big_endian=dtype.str.startswith(">"),
+    )
+
+
+def reopen(reference: ScanReference, path: Path | None = None) -> Scan:
+    """Open the scan that a project refers to, at `path` or where it was.
+
+    Raises
+    ------
+    ScanError
+        If it is not there, cannot be read, or its voxels are not those of the project.
+    """
+    path = path or reference.path
+    if path is None:
+        raise ScanError("The project's scan lies in no file of its own: open the project file that holds it.")
+    if not path.exists():
+        raise ScanError(f"The project's scan {path} is not there. If it was moved, {HOW_TO_RELOCATE}.")
+    try:
+        scan = open_scan(
+            path,
+            reference.voxel_size,
+            shape=reference.shape,
+            dtype=reference.dtype,
+            header_bytes=reference.header_bytes,
+            big_endian=reference.big_endian,
+        )
+    except MbstudioError as error:
+        raise ScanError(
+            f"The project's scan cannot be opened: {error} If it lies elsewhere, {HOW_TO_RELOCATE}."
+        ) from error
+    if scan.shape != reference.shape or voxel_digest(scan) != reference.digest:
+        raise ScanError(
+            f"{path} is not the scan that the project was made with: it holds other voxels (shape "
+            f"{scan.shape}, expected {reference.shape}). If that scan lies elsewhere, {HOW_TO_RELOCATE}."
+        )
+    return replace(scan, voxel_size=reference.voxel_size, origin=reference.origin)

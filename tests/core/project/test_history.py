@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
+
+from mbstudio.core.errors import ProjectError
+from mbstudio.core.project import FitSettings, History, ProjectState
+
+
+def state_with(n: int) -> ProjectState:
+    return ProjectState(fit_settings=FitSettings(n=n))
+
+
+def test_undo_and_redo_walk_through_the_states():
+    first, second, third = (state_with(n) for n in (1, 2, 3))
+    history = History(first)
+    history.push(second, "two")
+    history.push(third, "three")
+    assert history.titles == ["two", "three"]
+    assert history.undo() is second
+    assert (history.undo_title, history.redo_title) == ("two", "three")
+    assert history.undo() is first
+    assert not history.can_undo
+    assert history.redo() is second
+    assert history.redo() is third
+    assert not history.can_redo
+
+
+def test_a_change_after_undo_forgets_what_was_undone():
+    history = History(state_with(1))
+    history.push(state_with(2), "two")
+    history.undo()
+    history.push(state_with(3), "three")
+    assert not history.can_redo
+    assert history.titles == ["three"]
+    with pytest.raises(ProjectError, match="nothing to redo"):
+        history.redo()
+
+
+def test_redo_can_be_cleared():
+    history = History(state_with(1))
+    history.push(state_with(2), "two")
+    history.undo()
+    history.clear_redo()
+    assert not history.can_redo
+    assert history.state.fit_settings.n == 1
+
+
+def test_old_changes_are_forgotten_beyond_the_limit():
+    history = History(state_with(0), limit=3)
+    for n in range(1, 6):
+        history.push(state_with(n), str(n))
+    assert history.titles == ["3", "4", "5"]
+    for _ in range(3):
+        history.undo()
+    assert history.state.fit_settings.n == 2
+    with pytest.raises(ProjectError, match="nothing to undo"):
+        history.undo()
+
+
+def test_states_share_what_did_not_change():
+    before = state_with(1)
+    after = replace(before, segmentation=None)
+    assert after.fits is before.fits
+
+
+class HistoryAgainstTwoStacks(RuleBasedStateMachine):
+    """The history behaves as two stacks of states."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.history = History(state_with(0), limit=5)
+        self.now = 0
+        self.before: list[int] = []
+        self.after: list[int] = []
+
+    @rule(n=st.integers(1, 99))
+    def push(self, n):
+        self.history.push(state_with(n), str(n))
+        self.before = [*self.before, self.now][-5:]
+        self.after = []
+        self.now = n
+
+    @precondition(lambda self: self.before)
+    @rule()
+    def undo(self):
+        self.after.append(self.now)
+        self.now = self.before.pop()
+        assert self.history.undo().fit_settings.n == self.now
+
+    @precondition(lambda self: self.after)
+    @rule()
+    def redo(self):
+        self.before.append(self.now)
+        self.now = self.after.pop()
+        assert self.history.redo().fit_settings.n == self.now
+
+    def teardown(self):
+        assert self.history.can_undo == bool(self.before)
+        assert self.history.can_redo == bool(self.after)
+
+
+TestHistoryAgainstTwoStacks = HistoryAgainstTwoStacks.TestCase
