@@ -11,6 +11,10 @@ class MbstudioError(Exception):
     """Base of every error with a message meant for the user."""
 
 
+class Cancelled(MbstudioError):
+    """Work that the user stopped; raised out of a progress callback, it ends the work at once."""
+
+
 class UnitError(MbstudioError):
     """A length, unit or voxel size that cannot be understood, or is missing."""
 
@@ -25,6 +29,10 @@ class SegmentationError(MbstudioError):
 
 class GrainError(MbstudioError):
     """A mask that is not one grain."""
+
+
+class GrainWarning(UserWarning):
+    """Something about a grain was repaired, and the user should know."""
 
 
 class MeshError(MbstudioError):

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Int
 
+from mbstudio.core.errors import GrainError
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.grains.pieces import without_cavities
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
@@ -54,7 +56,10 @@ class GrainSet:
 
     def grain(self, label: int) -> Grain:
         """Return the grain with this label; GrainError if there is none."""
-        raise AssertionError("written by the grains package")
+        rows = np.flatnonzero(self.table["label"].to_numpy() == label)
+        if not len(rows):
+            raise GrainError(f"There is no grain {label}: the labels run from 1 to {int(self.table['label'].max())}.")
+        return self[int(rows[0])]
 
     @property
     def interior_labels(self) -> list[int]:
@@ -62,4 +67,11 @@ class GrainSet:
         return [int(label) for label in self.table.loc[~self.table["touches_border"], "label"]]
 
     def _grain_of_row(self, row: pd.Series) -> Grain:
-        raise AssertionError("written by the grains package")
+        """Cut the grain out of the label volume; what other labels fill inside it is its own."""
+        label = int(row["label"])
+        box = tuple(slice(int(row[f"{axis}0"]), int(row[f"{axis}1"])) for axis in "zyx")
+        mask = without_cavities(self.labels[box] == label)
+        mask.flags.writeable = False
+        corner = self.voxel_size.positions(np.array([[part.start for part in box]]), self.origin)[0]
+        origin = (float(corner[0]), float(corner[1]), float(corner[2]))
+        return Grain(mask, self.voxel_size, origin, label, bool(row["touches_border"]), f"grain {label}")
