@@ -1,1 +1,6 @@
 """Metaball-Imaging: sphere clustering, then gradient search, each a step at a time."""
+
+from mbstudio.core.imaging.fitting import fit, start_fit
+from mbstudio.core.imaging.steps import FitResult, FitRun, SearchStep, Verdict
+
+__all__ = ["FitResult", "FitRun", "SearchStep", "Verdict", "fit", "start_fit"]

@@ -1,0 +1,223 @@
+"""Kernels of the fast search: residual rows, their normal matrix, and its solution.
+
+Points are rows x, y, z (structure of arrays) in single precision, in the working frame; the
+parameters are ln k of all control points, then their x, y and z. One thread, fixed order of sums.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mbstudio.core.metaball.field import SAFE_MATH
+
+_CHUNK = 256
+
+
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def field_of_rows(points, control, out):  # pragma: no cover - compiled
+    """Write f at points (rows, float32) for control points (rows, float32)."""
+    total, n = points.shape[1], control.shape[1]
+    for start in range(0, total, _CHUNK):
+        stop = min(start + _CHUNK, total)
+        for p in range(start, stop):
+            out[p] = 0.0
+        for i in range(n):
+            cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
+            for p in range(start, stop):
+                dx, dy, dz = points[0, p] - cx, points[1, p] - cy, points[2, p] - cz
+                out[p] += k / (dx * dx + dy * dy + dz * dz)
+
+
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def steepness_of_rows(points, control, out):  # pragma: no cover - compiled
+    """Write |grad f| / f at points."""
+    total, n = points.shape[1], control.shape[1]
+    f, gx, gy, gz = (
+        np.empty(_CHUNK, np.float32), np.empty(_CHUNK, np.float32),
+        np.empty(_CHUNK, np.float32), np.empty(_CHUNK, np.float32),
+    )  # fmt: skip
+    for start in range(0, total, _CHUNK):
+        count = min(_CHUNK, total - start)
+        for p in range(count):
+            f[p] = gx[p] = gy[p] = gz[p] = 0.0
+        for i in range(n):
+            cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
+            for p in range(count):
+                dx, dy, dz = points[0, start + p] - cx, points[1, start + p] - cy, points[2, start + p] - cz
+                inverse = np.float32(1.0) / (dx * dx + dy * dy + dz * dz)
+                term = k * inverse
+                f[p] += term
+                term *= inverse
+                gx[p] += term * dx
+                gy[p] += term * dy
+                gz[p] += term * dz
+        for p in range(count):
+            out[start + p] = np.float32(2.0) * np.sqrt(gx[p] * gx[p] + gy[p] * gy[p] + gz[p] * gz[p]) / f[p]
+
+
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def jacobian_of_rows(points, control, factor, out):  # pragma: no cover - compiled
+    """Write d(row)/d(parameter) as out[parameter, point], for rows with derivative `factor` by f."""
+    total, n = points.shape[1], control.shape[1]
+    for start in range(0, total, _CHUNK):
+        stop = min(start + _CHUNK, total)
+        for i in range(n):
+            cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
+            by_k, by_x, by_y, by_z = out[i], out[n + i], out[2 * n + i], out[3 * n + i]
+            for p in range(start, stop):
+                dx, dy, dz = points[0, p] - cx, points[1, p] - cy, points[2, p] - cz
+                inverse = np.float32(1.0) / (dx * dx + dy * dy + dz * dz)
+                slope = factor[p] * k * inverse
+                by_k[p] = slope
+                slope *= np.float32(2.0) * inverse
+                by_x[p] = slope * dx
+                by_y[p] = slope * dy
+                by_z[p] = slope * dz
+
+
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - compiled
+    """Add J J^T to the lower triangle of `matrix` and J r to `gradient`, J = rows [parameter, point].
+
+    Tiles of 4 x 4 parameters keep 16 sums in registers; each sums at most 512 products in single
+    precision before it goes to double.
+    """
+    size, total = rows.shape
+    for start in range(0, total, 512):
+        stop = min(start + 512, total)
+        for a in range(size):
+            row, dot = rows[a], np.float32(0.0)
+            for p in range(start, stop):
+                dot += row[p] * residual[p]
+            gradient[a] += dot
+        # Slices that start at 0 let the compiler see contiguous rows: 6 times faster than an offset.
+        for a in range(0, size, 4):
+            a0, a1, a2, a3 = rows[a, start:stop], rows[a + 1, start:stop], rows[a + 2, start:stop], rows[a + 3, start:stop]
+            for b in range(0, a + 4, 4):
+                b0, b1, b2, b3 = rows[b, start:stop], rows[b + 1, start:stop], rows[b + 2, start:stop], rows[b + 3, start:stop]
+                s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = np.float32(0.0)
+                s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = np.float32(0.0)
+                for p in range(stop - start):
+                    u0, u1, u2, u3 = a0[p], a1[p], a2[p], a3[p]
+                    v0, v1, v2, v3 = b0[p], b1[p], b2[p], b3[p]
+                    s00 += u0 * v0
+                    s01 += u0 * v1
+                    s02 += u0 * v2
+                    s03 += u0 * v3
+                    s10 += u1 * v0
+                    s11 += u1 * v1
+                    s12 += u1 * v2
+                    s13 += u1 * v3
+                    s20 += u2 * v0
+                    s21 += u2 * v1
+                    s22 += u2 * v2
+                    s23 += u2 * v3
+                    s30 += u3 * v0
+                    s31 += u3 * v1
+                    s32 += u3 * v2
+                    s33 += u3 * v3
+                matrix[a, b] += s00
+                matrix[a, b + 1] += s01
+                matrix[a, b + 2] += s02
+                matrix[a, b + 3] += s03
+                matrix[a + 1, b] += s10
+                matrix[a + 1, b + 1] += s11
+                matrix[a + 1, b + 2] += s12
+                matrix[a + 1, b + 3] += s13
+                matrix[a + 2, b] += s20
+                matrix[a + 2, b + 1] += s21
+                matrix[a + 2, b + 2] += s22
+                matrix[a + 2, b + 3] += s23
+                matrix[a + 3, b] += s30
+                matrix[a + 3, b + 1] += s31
+                matrix[a + 3, b + 2] += s32
+                matrix[a + 3, b + 3] += s33
+
+
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def solve_damped(matrix, damping, gradient, factor, step):  # pragma: no cover - compiled
+    """Solve (matrix + diag(damping)) step = -gradient by Cholesky; return whether it is positive definite.
+
+    `matrix` is used in its lower triangle; its size is a multiple of 4. `factor` is working space.
+    """
+    size = matrix.shape[0]
+    for a in range(0, size, 4):
+        for b in range(0, a + 4, 4):
+            # 4 x 4 tile of matrix minus the dot products of the rows of the factor so far.
+            a0, a1, a2, a3 = factor[a], factor[a + 1], factor[a + 2], factor[a + 3]
+            b0, b1, b2, b3 = factor[b], factor[b + 1], factor[b + 2], factor[b + 3]
+            s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = 0.0
+            s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = 0.0
+            for p in range(b):
+                u0, u1, u2, u3 = a0[p], a1[p], a2[p], a3[p]
+                v0, v1, v2, v3 = b0[p], b1[p], b2[p], b3[p]
+                s00 += u0 * v0
+                s01 += u0 * v1
+                s02 += u0 * v2
+                s03 += u0 * v3
+                s10 += u1 * v0
+                s11 += u1 * v1
+                s12 += u1 * v2
+                s13 += u1 * v3
+                s20 += u2 * v0
+                s21 += u2 * v1
+                s22 += u2 * v2
+                s23 += u2 * v3
+                s30 += u3 * v0
+                s31 += u3 * v1
+                s32 += u3 * v2
+                s33 += u3 * v3
+            a0[b], a0[b + 1], a0[b + 2], a0[b + 3] = s00, s01, s02, s03
+            a1[b], a1[b + 1], a1[b + 2], a1[b + 3] = s10, s11, s12, s13
+            a2[b], a2[b + 1], a2[b + 2], a2[b + 3] = s20, s21, s22, s23
+            a3[b], a3[b + 1], a3[b + 2], a3[b + 3] = s30, s31, s32, s33
+            for i in range(a, a + 4):
+                for j in range(b, min(b + 4, i + 1)):
+                    value = matrix[i, j] - factor[i, j]
+                    if i == j:
+                        value += damping[i]
+                    for p in range(b, j):
+                        value -= factor[i, p] * factor[j, p]
+                    if i == j:
+                        if not value > 0.0:
+                            return False
+                        factor[i, i] = np.sqrt(value)
+                    else:
+                        factor[i, j] = value / factor[j, j]
+    for i in range(size):
+        value = -gradient[i]
+        for p in range(i):
+            value -= factor[i, p] * step[p]
+        step[i] = value / factor[i, i]
+    for i in range(size - 1, -1, -1):
+        step[i] /= factor[i, i]
+        for p in range(i):
+            step[p] -= factor[i, p] * step[i]
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def depth_at(points, distance, origin, spacing, depth, slope):  # pragma: no cover - compiled
+    """Interpolate the signed distance and its gradient at points (rows x, y, z)."""
+    nz, ny, nx = distance.shape
+    for p in range(points.shape[1]):
+        fx = min(max((points[0, p] - origin[0]) / spacing[0], 0.0), nx - 1.001)
+        fy = min(max((points[1, p] - origin[1]) / spacing[1], 0.0), ny - 1.001)
+        fz = min(max((points[2, p] - origin[2]) / spacing[2], 0.0), nz - 1.001)
+        ix, iy, iz = int(fx), int(fy), int(fz)
+        fx, fy, fz = fx - ix, fy - iy, fz - iz
+        value = by_x = by_y = by_z = 0.0
+        for cz in range(2):
+            wz, sz = (fz, 1.0) if cz else (1.0 - fz, -1.0)
+            for cy in range(2):
+                wy, sy = (fy, 1.0) if cy else (1.0 - fy, -1.0)
+                for cx in range(2):
+                    wx, sx = (fx, 1.0) if cx else (1.0 - fx, -1.0)
+                    corner = distance[iz + cz, iy + cy, ix + cx]
+                    value += wz * wy * wx * corner
+                    by_x += wz * wy * sx * corner
+                    by_y += wz * sy * wx * corner
+                    by_z += sz * wy * wx * corner
+        depth[p] = value
+        slope[0, p], slope[1, p], slope[2, p] = by_x / spacing[0], by_y / spacing[1], by_z / spacing[2]

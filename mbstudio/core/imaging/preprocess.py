@@ -1,0 +1,205 @@
+"""From a grain's voxels to what the search works on: signed distance, hull points, scale.
+
+All lengths are physical (so that anisotropic voxels are honoured), then shifted to the centre of
+the hull points and divided by their root mean square radius: the *working frame*.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64
+from numba import njit
+
+from mbstudio.core.errors import FitError
+from mbstudio.core.grains.grain import Grain
+from mbstudio.core.metaball.avatar import Avatar
+
+PAD = 6
+_SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedGrain:
+    """A grain made ready for Metaball-Imaging (VCP and TOC of the paper's pre-processing).
+
+    Attributes
+    ----------
+    grain : Grain
+    mask : bool array, shape (Z, Y, X)
+        Padded, possibly coarsened grain with cavities filled.
+    distance : float array, shape (Z, Y, X)
+        Signed distance to the surface, positive inside, in working lengths.
+    origin, spacing : float array, shape (3,)
+        First voxel's centre and edge lengths (x, y, z) in the working frame.
+    voxel : float
+        Edge of a cube of a voxel's volume, in working lengths.
+    hull : float array, shape (m, 3)
+        Points on the surface, H in the paper, in the working frame.
+    interior, interior_depth : float array, shapes (p, 3) and (p,)
+        Points well inside and their depth.
+    volume : float
+        Volume by counting the scan's own voxels, in working lengths cubed.
+    center : float array, shape (3,)
+        Centre of the working frame in the grain's frame and unit.
+    scale : float
+        Length of one working length in the grain's unit.
+    filled : int
+        Voxels of cavities that were filled.
+    """
+
+    grain: Grain
+    mask: Bool[np.ndarray, "Z Y X"]
+    distance: Float32[np.ndarray, "Z Y X"]
+    origin: Float64[np.ndarray, "3"]
+    spacing: Float64[np.ndarray, "3"]
+    voxel: float
+    hull: Float64[np.ndarray, "m 3"]
+    interior: Float64[np.ndarray, "p 3"]
+    interior_depth: Float64[np.ndarray, "p"]
+    volume: float
+    center: Float64[np.ndarray, "3"]
+    scale: float
+    filled: int
+
+    @property
+    def deepest(self) -> float:
+        """Radius of the largest inscribed sphere, in working lengths."""
+        return float(self.distance.max())
+
+    def avatar(self, control: Float64[np.ndarray, "4 n"]) -> Avatar:
+        """Return control points (rows x, y, z, k in the working frame) as an avatar over the scan."""
+        return Avatar(
+            centers=control[:3].T * self.scale + self.center, weights=control[3] * self.scale**2,
+            unit=self.grain.unit, label=self.grain.label, name=self.grain.name,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _block_average(mask, fz, fy, fx, out):  # pragma: no cover - compiled
+    """Add the share of each block of voxels that is inside; `out` starts at zero and has a margin of PAD."""
+    nz, ny, nx = mask.shape
+    share = np.float32(1.0 / (fz * fy * fx))
+    for iz in range(nz):
+        for iy in range(ny):
+            row = out[6 + iz // fz, 6 + iy // fy]
+            for ix in range(nx):
+                if mask[iz, iy, ix]:
+                    row[6 + ix // fx] += share
+
+
+@njit(cache=True, nogil=True)
+def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: no cover - compiled
+    """Place one point in each equal share of the total area (faces in their order)."""
+    total = areas.sum()
+    out = np.empty((len(fractions), 3))
+    face, passed = 0, 0.0
+    for p in range(len(fractions)):
+        wanted = fractions[p] * total
+        while passed + areas[face] < wanted and face < len(areas) - 1:
+            passed += areas[face]
+            face += 1
+        a, b = jitter[p, 0], jitter[p, 1]
+        if a + b > 1.0:
+            a, b = 1.0 - a, 1.0 - b
+        for axis in range(3):
+            corner = vertices[faces[face, 0], axis]
+            out[p, axis] = (
+                corner + a * (vertices[faces[face, 1], axis] - corner) + b * (vertices[faces[face, 2], axis] - corner)
+            )
+    return out
+
+
+def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, int, int]]:
+    """Return the share of each (block of) voxel(s) that is inside, padded, and the block (z, y, x)."""
+    mask = np.asarray(grain.mask)
+    if mask.ndim != 3 or 0 in mask.shape or not mask.any():
+        raise FitError(f"Grain '{grain.name}' has no voxels: nothing can be fitted to it.")
+    edges = np.array(grain.voxel_size.zyx)
+    longest = float((np.array(mask.shape) * edges).max())
+    target = longest / working_side
+    blocks = [max(1, math.ceil(target / edge - 1e-9)) for edge in edges]
+    shape = tuple(-(-side // block) + 2 * PAD for side, block in zip(mask.shape, blocks, strict=True))
+    share = np.zeros(shape, dtype=np.float32)
+    _block_average(np.ascontiguousarray(mask, dtype=np.bool_), *blocks, share)
+    return share, (blocks[0], blocks[1], blocks[2])
+
+
+def _hull_points(
+    share: np.ndarray, spacing: np.ndarray, diameter: float, count: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return points (x, y, z), relative to the first voxel, spread evenly over the smoothed surface."""
+    from scipy.ndimage import gaussian_filter
+    from skimage.measure import marching_cubes
+
+    # One smoothing length for all axes: voxels of different edges get different sigmas.
+    sigma = (1.0 if diameter >= _SMALL_DIAMETER else 0.6) * np.cbrt(spacing.prod()) / spacing[::-1]
+    smooth = gaussian_filter(share, sigma, truncate=3.0)
+    if smooth.max() <= 0.5:  # a grain of one or two voxels vanishes under the filter
+        smooth = share
+    vertices, faces, _, _ = marching_cubes(smooth, 0.5, gradient_direction="descent")
+    points = vertices[:, ::-1].astype(np.float64) * spacing
+    corners = points[faces]
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    count = min(count, max(4000, len(faces)))
+    fractions = (np.arange(count) + rng.random(count)) / count
+    return _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
+
+
+def prepare(grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000) -> PreparedGrain:
+    """Crop, pad, coarsen and centre a grain; find its signed distance and hull points.
+
+    Parameters
+    ----------
+    grain : Grain
+    seed : int
+        Of the places of the hull points and interior points.
+    working_side : int
+        Longest side of the working grid in voxels; larger grains are averaged in blocks, which
+        keeps the share of each block and so the place of the surface.
+    hull_points : int
+        Points on the surface at most.
+
+    Raises
+    ------
+    FitError
+        If the grain has no voxels.
+    """
+    import edt
+    import fill_voids
+
+    rng = np.random.default_rng([seed, 0])
+    share, blocks = _coarsen(grain, working_side)
+    spacing_zyx = np.array(grain.voxel_size.zyx) * blocks
+    spacing = spacing_zyx[::-1].copy()
+    mask = share >= 0.5
+    if not mask.any():
+        mask = share > 0
+    mask, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
+    if filled:
+        share[mask & (share < 0.5)] = 1.0
+    voxel = float(np.cbrt(spacing.prod()))
+    distance = edt.edt(mask, anisotropy=tuple(spacing_zyx), parallel=1) - np.float32(0.5 * voxel)
+    outside = edt.edt(~mask, anisotropy=tuple(spacing_zyx), parallel=1) - np.float32(0.5 * voxel)
+    distance[~mask] = -outside[~mask]
+
+    count = int(np.count_nonzero(mask))
+    hull = _hull_points(share, spacing, float(np.cbrt(6 * count / np.pi)), hull_points, rng)
+    middle = hull.mean(axis=0)
+    scale = float(np.sqrt(((hull - middle) ** 2).sum(axis=1).mean()))
+
+    depth = max(2 * voxel, 0.06 * float(distance.max()))
+    deep = np.flatnonzero(distance.ravel() > depth)
+    if len(deep) > 800:
+        deep = rng.choice(deep, 800, replace=False, shuffle=False)
+    where = np.stack(np.unravel_index(deep, mask.shape), axis=1)[:, ::-1] * spacing
+    first = np.asarray(grain.origin) + (np.array(blocks[::-1]) - 1) / 2 * grain.voxel_size.xyz - PAD * spacing
+    voxels = grain.voxel_count + filled * int(np.prod(blocks))
+    return PreparedGrain(
+        grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale, spacing=spacing / scale,
+        voxel=voxel / scale, hull=(hull - middle) / scale, interior=(where - middle) / scale,
+        interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
+        volume=voxels * grain.voxel_size.volume / scale**3, center=first + middle, scale=scale, filled=int(filled),
+    )  # fmt: skip

@@ -1,0 +1,250 @@
+"""The fast search: Levenberg-Marquardt on ln k and x against the distance to the surface.
+
+The lowest value of the paper's loss alone belongs to avatars that fall into pieces or turn inside
+out. This search therefore minimises, in the working frame, the sum of squares of
+
+- the first-order distance of hull points to the surface, ``2 (1 - u) / g`` with ``u = f**-1/2``
+  and ``g = |grad f| / f`` held between bounds and lagged by one step;
+- a hinge that keeps f above 1 at points inside the grain (no voids);
+- a hinge that keeps every control point at some depth (no control point outside, no islands);
+- the volume error, as one mean normal displacement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from mbstudio.core.imaging.levenberg_marquardt import (
+    add_normal_matrix,
+    depth_at,
+    field_of_rows,
+    jacobian_of_rows,
+    solve_damped,
+    steepness_of_rows,
+)
+from mbstudio.core.imaging.preprocess import PreparedGrain
+from mbstudio.core.metaball.surface import volume_and_area
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """Constants of the fast search; lengths are in working lengths (RMS radius 1).
+
+    Attributes
+    ----------
+    steepness_floor, steepness_roof : float
+        Bounds of g = abs(grad f) / f; a higher floor makes the search more cautious where f is flat.
+    start_damping : float
+        Lambda of the first step.
+    interior_weight, depth_weight, volume_weight : float
+        Weights of the hinges and of the volume row against the surface rows.
+    points_per_control, fewest_points : int
+        Surface points in use at a time: max(fewest_points, points_per_control * n).
+    renew_every : int
+        Steps after which the next subset of points is taken and the volume measured anew.
+    check_every : int
+        Steps after which progress over all hull points decides whether to stop.
+    least_gain : float
+        Relative gain of the RMS between checks that counts as progress.
+    """
+
+    steepness_floor: float = 0.7
+    steepness_roof: float = 6.0
+    start_damping: float = 0.1
+    interior_weight: float = 0.5
+    depth_weight: float = 0.5
+    volume_weight: float = 3.0
+    points_per_control: int = 25
+    fewest_points: int = 1500
+    renew_every: int = 5
+    check_every: int = 10
+    least_gain: float = 0.01
+
+
+def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
+    """Return the depth that control points are pulled to, and that below which none may go."""
+    voxel, deepest = prepared.voxel, prepared.deepest
+    soft = max(2 * voxel, float(np.clip(0.04 * np.sqrt(120 / n), 0.03, 0.08)))
+    hard = max(1.2 * voxel, soft / 2)
+    # Thin plates and grains of a few voxels have no such depth anywhere.
+    return min(soft, 0.6 * deepest), min(hard, 0.4 * deepest)
+
+
+class Refinement:
+    """The state of one fast search; :meth:`advance` makes one step.
+
+    Attributes
+    ----------
+    control : float64 array, shape (4, n)
+        Rows x, y, z, k as they stand, in the working frame.
+    damping : float
+    """
+
+    def __init__(
+        self, prepared: PreparedGrain, control: Float64[np.ndarray, "4 n"], settings: RefineSettings | None = None
+    ) -> None:
+        self.prepared = prepared
+        self.settings = settings or RefineSettings()
+        self.damping = self.settings.start_damping
+        self.iteration = 0
+        self.hull = np.ascontiguousarray(prepared.hull.T, dtype=np.float32)
+        self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
+        self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)
+        self._interior_weight = np.full(
+            len(self._interior_target), self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
+            dtype=np.float32,
+        )  # fmt: skip
+        self._offset = 0
+        self.set_control(control)
+
+    def set_control(self, control: Float64[np.ndarray, "4 n"]) -> None:
+        """Go on from other control points (also of another number)."""
+        self.control = np.array(control, dtype=np.float64)
+        self.soft_depth, self.hard_depth = least_depths(self.prepared, self.control.shape[1])
+        self.damping = max(self.damping, 1e-2)
+        self._renew()
+
+    def keep_filled(self, points: Float64[np.ndarray, "p 3"], depth: Float64[np.ndarray, "p"], weight: float) -> None:
+        """Add points that must lie inside: the guard's answer to a void or a torn body."""
+        self._interior = np.hstack([self._interior, points.T.astype(np.float32)])
+        self._interior = np.ascontiguousarray(self._interior)
+        self._interior_target = np.append(self._interior_target, np.minimum(0.5 * depth, 0.075).astype(np.float32))
+        rows = np.full(len(points), weight / np.sqrt(max(len(points), 1)), dtype=np.float32)
+        self._interior_weight = np.append(self._interior_weight, rows)
+        self.damping = max(self.damping, 1e-1)
+
+    def field_on_hull(self) -> np.ndarray:
+        """Return f at all hull points, in single precision."""
+        out = np.empty(self.hull.shape[1], dtype=np.float32)
+        field_of_rows(self.hull, self.control.astype(np.float32), out)
+        return out
+
+    def rms(self, field: np.ndarray | None = None) -> float:
+        """Return the root mean square distance of all hull points to the surface, in working lengths."""
+        field = self.field_on_hull() if field is None else field
+        steepness = np.empty_like(field)
+        steepness_of_rows(self.hull, self.control.astype(np.float32), steepness)
+        residual = 2 * (1 - field**-0.5) / np.clip(steepness, 0.7, 6.0)
+        return float(np.sqrt(np.mean(np.square(residual, dtype=np.float64))))
+
+    def _renew(self) -> None:
+        """Take the next subset of hull points and measure the volume."""
+        n = self.control.shape[1]
+        wanted = max(self.settings.fewest_points, self.settings.points_per_control * n)
+        stride = max(1, self.hull.shape[1] // wanted)
+        self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
+        self._surface = np.ascontiguousarray(self.hull[:, self._offset :: stride])
+        self._measure_volume()
+
+    def _measure_volume(self) -> None:
+        volume, area = volume_and_area(self.control, cells=40)
+        self.volume_error = volume / self.prepared.volume - 1.0
+        displacement = (volume - self.prepared.volume) / max(area, 1e-12)
+        residual, _ = self._surface_rows(self.control.astype(np.float32), None)
+        # A wildly wrong start must not let the volume row throw the search off.
+        self._volume_offset = float(np.clip(displacement, -0.3, 0.3)) - float(residual.mean(dtype=np.float64))
+
+    def _surface_rows(self, control: np.ndarray, scale: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Return distance and f at the surface subset; `scale` is 2/g, measured here if None."""
+        field = np.empty(self._surface.shape[1], dtype=np.float32)
+        field_of_rows(self._surface, control, field)
+        if scale is None:
+            steepness = np.empty_like(field)
+            steepness_of_rows(self._surface, control, steepness)
+            scale = 2 / np.clip(steepness, self.settings.steepness_floor, self.settings.steepness_roof)
+            self._scale = scale
+        return scale * (1 - field**-0.5), field
+
+    def _cost(self, control: np.ndarray) -> tuple[float, tuple[np.ndarray, ...]]:
+        """Return half the sum of squares at `control`, and what its derivative needs."""
+        single = control.astype(np.float32)
+        residual, field = self._surface_rows(single, self._scale)
+        inner = np.empty(self._interior.shape[1], dtype=np.float32)
+        field_of_rows(self._interior, single, inner)
+        hinge = np.minimum((1 - inner**-0.5) - self._interior_target, 0) * self._interior_weight
+        depth, slope = np.empty(control.shape[1]), np.empty((3, control.shape[1]))
+        depth_at(control[:3], self.prepared.distance, self.prepared.origin, self.prepared.spacing, depth, slope)
+        shallow = np.maximum(self.soft_depth - depth, 0) * (self.settings.depth_weight / np.sqrt(control.shape[1]))
+        volume = self.settings.volume_weight * (float(residual.mean(dtype=np.float64)) + self._volume_offset)
+        cost = (
+            float(np.mean(np.square(residual, dtype=np.float64)))
+            + float(np.sum(np.square(hinge, dtype=np.float64)))
+            + float(shallow @ shallow)
+            + volume**2
+        )
+        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, np.float64(volume))
+
+    def _normal_equations(self, state: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
+        residual, field, hinge, inner, shallow, slope, volume = state
+        n, m = self.control.shape[1], len(residual)
+        active = np.flatnonzero(hinge < 0)
+        root = np.float32(1 / np.sqrt(m))
+        points = np.ascontiguousarray(np.hstack([self._surface, self._interior[:, active]]))
+        # d(1 - u)/df = f**(-3/2) / 2.
+        factor = np.concatenate([
+            0.5 * self._scale * root * field**-1.5,
+            0.5 * self._interior_weight[active] * inner[active] ** -1.5,
+        ]).astype(np.float32)  # fmt: skip
+        rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
+        jacobian_of_rows(points, self.control.astype(np.float32), factor, rows)
+        matrix, gradient = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
+        add_normal_matrix(rows, np.concatenate([residual * root, hinge[active]]).astype(np.float32), matrix, gradient)
+        mean = rows[:, :m].sum(axis=1, dtype=np.float64) * (float(root) * self.settings.volume_weight)
+        matrix += np.outer(mean, mean)
+        gradient += mean * volume
+        weight = self.settings.depth_weight / np.sqrt(n)
+        for i in np.flatnonzero(shallow > 0):
+            places = [n + i, 2 * n + i, 3 * n + i]
+            row = -weight * slope[:, i]
+            matrix[np.ix_(places, places)] += np.outer(row, row)
+            gradient[places] += row * shallow[i]
+        return matrix, gradient
+
+    def _moved(self, step: np.ndarray) -> np.ndarray:
+        """Return the control points after a step: bounded, and none shallower than allowed."""
+        n = self.control.shape[1]
+        moved = self.control.copy()
+        moved[3] *= np.exp(np.clip(step[:n], -0.7, 0.7))
+        moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
+        self.push_inside(moved)
+        return moved
+
+    def push_inside(self, control: np.ndarray) -> None:
+        """Move control points that are too shallow inward along the signed distance, in place."""
+        prepared = self.prepared
+        depth, slope = np.empty(control.shape[1]), np.empty((3, control.shape[1]))
+        for _ in range(3):
+            depth_at(control[:3], prepared.distance, prepared.origin, prepared.spacing, depth, slope)
+            low = depth < self.hard_depth
+            if not low.any():
+                return
+            norm = np.maximum((slope[:, low] ** 2).sum(axis=0), 1e-3)
+            control[:3, low] += slope[:, low] * ((self.hard_depth - depth[low]) / norm)
+        depth_at(control[:3], prepared.distance, prepared.origin, prepared.spacing, depth, slope)
+        stuck = depth < min(prepared.voxel, self.hard_depth)
+        if control.shape == self.control.shape:
+            control[:3, stuck] = self.control[:3, stuck]
+
+    def advance(self) -> bool:
+        """Make one step; return False where no damping finds a lower sum of squares."""
+        if self.iteration and self.iteration % self.settings.renew_every == 0:
+            self._renew()
+        self.iteration += 1
+        self._surface_rows(self.control.astype(np.float32), None)  # the lagged g
+        cost, state = self._cost(self.control)
+        matrix, gradient = self._normal_equations(state)
+        diagonal = np.diagonal(matrix).copy()
+        diagonal += 1e-3 * diagonal.mean()
+        factor, step = np.zeros_like(matrix), np.empty_like(gradient)
+        for _ in range(8):
+            if solve_damped(matrix, self.damping * diagonal, gradient, factor, step):
+                trial = self._moved(step)
+                if self._cost(trial)[0] < cost:
+                    self.control = trial
+                    self.damping = max(self.damping / 3, 1e-6)
+                    return True
+            self.damping = min(self.damping * 4, 1e8)
+        return False

@@ -1,0 +1,87 @@
+"""Whether an avatar is a valid particle, and how true it is to its grain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.surface import volume_and_area
+from mbstudio.core.metaball.topology import Topology, topology
+
+if TYPE_CHECKING:
+    from mbstudio.core.grains.grain import Grain
+    from mbstudio.core.imaging.steps import Verdict
+
+MOST_VOLUME_ERROR = 0.05
+MOST_RMS = 0.08  # of the RMS radius
+
+
+def points_outside(avatar: Avatar, grain: Grain) -> int:
+    """Return how many control points lie in no voxel of the grain."""
+    from mbstudio.core.units import conversion_factor
+
+    factor = conversion_factor(avatar.unit, grain.unit)
+    index = np.rint((avatar.centers * factor - np.asarray(grain.origin)) / grain.voxel_size.xyz).astype(int)[:, ::-1]
+    shape = np.array(grain.mask.shape)
+    within = ((index >= 0) & (index < shape)).all(axis=1)
+    inside = np.zeros(avatar.n, dtype=bool)
+    inside[within] = np.asarray(grain.mask)[tuple(index[within].T)].astype(bool)
+    return int(avatar.n - np.count_nonzero(inside))
+
+
+def check(
+    avatar: Avatar,
+    grain: Grain | None = None,
+    *,
+    rms: float = float("nan"),
+    cells: int = 64,
+    found: Topology | None = None,
+    outside: int | None = None,
+) -> Verdict:
+    """Judge an avatar: pieces, voids, handles, control points outside, volume error.
+
+    Parameters
+    ----------
+    avatar : Avatar
+    grain : Grain, optional
+        The grain that it stands for; without it volume error and points outside are not judged
+        (volume error NaN, points outside 0).
+    rms : float
+        Root mean square surface distance in the avatar's unit, where the caller knows it.
+    cells : int
+        Grid cells on the longest side to begin with.
+    found : Topology, optional
+        The avatar's topology where it is known already.
+    outside : int, optional
+        Control points outside the grain where the caller has counted them (a grain whose
+        cavities were filled); counted here otherwise.
+    """
+    from mbstudio.core.imaging.steps import Verdict
+    from mbstudio.core.units import conversion_factor
+
+    found = found or topology(avatar.control, cells)
+    volume_error, counted = float("nan"), 0
+    if grain is not None:
+        volume, _ = volume_and_area(avatar.control, cells)
+        volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / grain.volume - 1.0
+        counted = points_outside(avatar, grain) if outside is None else outside
+    more = f"try {2 * avatar.n}"
+    reasons = []
+    if found.pieces > 1:
+        reasons.append(f"The avatar falls into {found.pieces} pieces: n too small for this shape: {more}.")
+    if found.voids:
+        cavities = "a cavity" if found.voids == 1 else f"{found.voids} cavities"
+        reasons.append(f"The avatar has {cavities} inside: n too small for this shape: {more}.")
+    if counted:
+        points = "1 control point lies" if counted == 1 else f"{counted} control points lie"
+        reasons.append(f"{points} outside the grain: fit it anew with method 'fast'.")
+    if abs(volume_error) > MOST_VOLUME_ERROR:
+        reasons.append(f"The volume differs by {100 * volume_error:+.1f} %: n too small for this shape: {more}.")
+    if grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(grain.unit, avatar.unit):
+        reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: n too small for this shape: {more}.")
+    return Verdict(
+        valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
+        volume_error=volume_error, rms=rms, reasons=tuple(reasons),
+    )  # fmt: skip
