@@ -1,0 +1,5 @@
+"""``python -m mbstudio``: the command line."""
+
+from mbstudio.cli import main
+
+main()
