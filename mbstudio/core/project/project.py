@@ -199,9 +199,10 @@ class Project:
         if target is None:
             raise ProjectError("The project has no file yet: give save a path, for example 'sand.mbs'.")
         begun = state = self.state
-        if state.scan is not None and embed_scan is not None and embed_scan != state.scan.embedded:
+        if state.scan is not None and embed_scan is not None:
             embedded = embed_scan or state.scan.path is None
-            state = replace(state, scan=replace(state.scan, embedded=embedded))
+            if embedded != state.scan.embedded:
+                state = replace(state, scan=replace(state.scan, embedded=embedded))
         scan = self.scan if state.scan is not None and state.scan.embedded else None
         write_project(target, state, scan.voxels if scan is not None else None)
         if state is not begun:
