@@ -205,11 +205,12 @@ class Project:
                 state = replace(state, scan=replace(state.scan, embedded=embedded))
         scan = self.scan if state.scan is not None and state.scan.embedded else None
         write_project(target, state, scan.voxels if scan is not None else None)
-        if state is not begun:
-            self._push(state, "Embed scan" if embed_scan else "Do not embed scan")
         self.path = target
         # What was written, not what holds now: the window saves in a worker, and work goes on.
         self._saved_state = state
+        if state is not begun:
+            title = "Embed scan" if embed_scan else "Do not embed scan"
+            self._push(state if self.state is begun else replace(self.state, scan=state.scan), title)
         return target
 
     def close(self) -> None:
