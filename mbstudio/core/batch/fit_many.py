@@ -1,0 +1,276 @@
+"""Fitting many grains on several processes of one machine."""
+
+from __future__ import annotations
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+
+from mbstudio.core.batch.worker import Task, receive, run_task, send
+from mbstudio.core.errors import FitError, MbstudioError
+from mbstudio.core.grains.grain import Grain
+from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.imaging.steps import FitResult, Method
+
+_ONE_THREAD = {
+    "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class BatchItem:
+    """One grain of a batch, fitted or failed.
+
+    Attributes
+    ----------
+    label : int
+        The grain's label; its place in the batch where it has none.
+    result : FitResult or None
+    error : str or None
+        Why there is no result.
+    """
+
+    label: int
+    result: FitResult | None
+    error: str | None
+
+
+def grain_seed(seed: int, label: int) -> int:
+    """Return the seed of one grain of a batch: the same whatever the order and the number of processes."""
+    return int(np.random.SeedSequence([seed, label]).generate_state(1)[0])
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def fit_many(
+    grains: GrainSet | Sequence[Grain],
+    labels: Sequence[int] | None = None,
+    *,
+    n: int = 40,
+    method: Method = "fast",
+    seed: int = 0,
+    workers: int | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Iterator[BatchItem]:
+    """Fit many grains; yield each as it is done.
+
+    Parameters
+    ----------
+    grains : GrainSet or sequence of Grain
+    labels : sequence of int, optional
+        Which grains; all of them by default. For a sequence of grains: places in it, for those
+        without a label.
+    n, method, seed : as in :func:`mbstudio.core.imaging.fit`
+        Each grain's own seed follows from `seed` and its label.
+    workers : int, optional
+        Processes, each on one core; all usable cores by default. 0 fits in the calling thread.
+    options : mapping, optional
+        Options of the method.
+
+    Yields
+    ------
+    BatchItem
+        In the order of completion. Closing the generator ends the processes at once.
+
+    Raises
+    ------
+    FitError
+        If n, the method or an option can fit no grain at all; a single grain's error is in its item.
+    """
+    settings = dict(options or {})
+    if isinstance(grains, GrainSet):
+        chosen = [int(label) for label in (grains.table["label"] if labels is None else labels)]
+    else:
+        names = [place if grain.label is None else grain.label for place, grain in enumerate(grains)]
+        chosen = names if labels is None else [int(label) for label in labels]
+        grains = _ByLabel(dict(zip(names, grains, strict=True)))
+    _check(n, method, settings)
+    if workers is None:
+        workers = usable_cores()
+    if workers < 0:
+        raise FitError(f"{workers} processes cannot fit anything: give 1 or more, or 0 for the calling thread.")
+    tasks = _Tasks(grains, chosen, n, method, seed, settings)
+    if workers == 0:
+        return _in_this_thread(tasks)
+    return _on_processes(tasks, min(workers, max(1, len(chosen))))
+
+
+class _ByLabel:
+    """A few grains behind the one method of GrainSet that a batch needs."""
+
+    def __init__(self, grains: dict[int, Grain]) -> None:
+        self._grains = grains
+
+    def grain(self, label: int) -> Grain:
+        if label not in self._grains:
+            raise FitError(f"There is no grain {label} in this batch.")
+        return self._grains[label]
+
+
+def _check(n: int, method: Method, options: dict[str, Any]) -> None:
+    from mbstudio.core.imaging import start_fit
+    from mbstudio.core.units import VoxelSize
+
+    if not isinstance(n, bool) and int(n) == n and n >= 1:
+        side = int(np.ceil(np.cbrt(n))) + 1
+        start_fit(Grain(np.ones((side, side, side), dtype=bool), VoxelSize(1, 1, 1, "m")), n, method, 0, **options)
+    else:
+        raise FitError(f"n = {n} control points make no avatar: give a whole number, 1 or more.")
+
+
+class _Tasks:
+    """The grains still to do, handed out one at a time to whichever worker asks."""
+
+    def __init__(
+        self, grains: GrainSet | _ByLabel, labels: list[int], n: int, method: str, seed: int, options: dict[str, Any]
+    ) -> None:
+        self._grains, self._labels = grains, iter(labels)
+        self.count = len(labels)
+        self.n, self.method, self.seed, self.options = n, method, seed, options
+        self._lock = threading.Lock()
+
+    def next_label(self) -> int | None:
+        with self._lock:
+            return next(self._labels, None)
+
+    def grain(self, label: int) -> Grain:
+        # Grains are cut out of the label volume only when their turn comes.
+        return self._grains.grain(label)
+
+
+def _in_this_thread(tasks: _Tasks) -> Iterator[BatchItem]:
+    while (label := tasks.next_label()) is not None:
+        try:
+            grain = tasks.grain(label)
+        except MbstudioError as error:
+            yield BatchItem(label, None, str(error))
+            continue
+        yield BatchItem(label, *run_task(grain, tasks.n, tasks.method, grain_seed(tasks.seed, label), tasks.options))
+
+
+class _Worker:
+    """One process and the pipes to it."""
+
+    def __init__(self) -> None:
+        import mbstudio
+
+        root = str(Path(mbstudio.__file__).resolve().parent.parent)
+        paths = os.pathsep.join(path for path in (root, os.environ.get("PYTHONPATH", "")) if path)
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", "from mbstudio.core.batch.worker import serve; serve()"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, **_ONE_THREAD, "PYTHONPATH": paths},
+        )  # fmt: skip
+
+    def fit(self, task: Task) -> tuple[FitResult | None, str | None]:
+        send(cast(BinaryIO, self._process.stdin), task)
+        result, error = receive(cast(BinaryIO, self._process.stdout))
+        # Rebuilt, so that its arrays are read-only again.
+        return (replace(result, avatar=replace(result.avatar)) if result is not None else None), error
+
+    def kill(self) -> None:
+        """End the process without waiting for its grain."""
+        self._process.kill()
+
+    def close(self) -> int:
+        """Let the process end by itself, or see that it has; return its exit code."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                try:
+                    pipe.close()
+                except BrokenPipeError:  # it died with a message half sent: nothing is lost that was not lost before
+                    continue
+        return self._process.wait()
+
+
+class _Crew:
+    """Threads that each feed one process, and the queue of what comes back."""
+
+    def __init__(self, tasks: _Tasks, size: int) -> None:
+        self.tasks = tasks
+        self.done: queue.Queue[BatchItem | BaseException] = queue.Queue(maxsize=4 * size)
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._workers: set[_Worker] = set()
+        self._threads = [threading.Thread(target=self._feed, name=f"fit-{i}", daemon=True) for i in range(size)]
+        for thread in self._threads:
+            thread.start()
+
+    def _hire(self) -> _Worker | None:
+        with self._lock:
+            if self._stop.is_set():
+                return None
+            worker = _Worker()
+            self._workers.add(worker)
+            return worker
+
+    def _dismiss(self, worker: _Worker) -> int:
+        code = worker.close()
+        with self._lock:
+            self._workers.discard(worker)
+        return code
+
+    def _put(self, item: BatchItem | BaseException) -> None:
+        while not self._stop.is_set():
+            try:
+                self.done.put(item, timeout=0.2)
+                return
+            except queue.Full:  # the caller is in no hurry: wait with it
+                continue
+
+    def _feed(self) -> None:
+        worker: _Worker | None = None
+        try:
+            while not self._stop.is_set() and (label := self.tasks.next_label()) is not None:
+                worker = worker or self._hire()
+                if worker is None:
+                    return
+                try:
+                    grain = self.tasks.grain(label)
+                    seed = grain_seed(self.tasks.seed, label)
+                    task = Task.of(grain, self.tasks.n, self.tasks.method, seed, self.tasks.options)
+                    item = BatchItem(label, *worker.fit(task))
+                except MbstudioError as error:
+                    item = BatchItem(label, None, str(error))
+                except (EOFError, OSError):
+                    code, worker = self._dismiss(worker), None
+                    item = BatchItem(label, None, f"Grain {label}: the process that fitted it ended with code {code}.")
+                self._put(item)
+        except BaseException as error:  # raised again where the batch is driven
+            self._put(error)
+        finally:
+            if worker is not None:
+                self._dismiss(worker)
+
+    def end(self) -> None:
+        """End all processes and threads, whatever they are at."""
+        with self._lock:
+            self._stop.set()
+            for worker in self._workers:
+                worker.kill()
+        for thread in self._threads:
+            thread.join()
+
+
+def _on_processes(tasks: _Tasks, size: int) -> Iterator[BatchItem]:
+    crew = _Crew(tasks, size)
+    try:
+        for _ in range(tasks.count):
+            item = crew.done.get()
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        crew.end()
