@@ -1,5 +1,17 @@
 """Grains: field of view, segmentation, labels and single grains."""
 
+from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.grains.label_image import load_labels
+from mbstudio.core.grains.segmentation import SegmentationSettings, segment
 
-__all__ = ["Grain"]
+__all__ = [
+    "FieldOfView",
+    "Grain",
+    "GrainSet",
+    "SegmentationSettings",
+    "find_field_of_view",
+    "load_labels",
+    "segment",
+]

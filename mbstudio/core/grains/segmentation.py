@@ -1,0 +1,269 @@
+"""Segmentation: from grey voxels to single grains.
+
+Field of view, denoising, threshold, small holes, distance map, watershed with a neck rule,
+fragments, cavities, table. Every length is in voxels (of the smallest edge, where voxels are
+not cubes), every grey value in the scan's own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cc3d
+import edt
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+from scipy import ndimage
+
+from mbstudio.core.errors import ScanError, SegmentationError
+from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
+from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.grains.labelling import box_of, fill_label_cavities, grain_set_of, kept_and_numbered, statistics
+from mbstudio.core.scan.scan import Scan
+from mbstudio.core.units import VoxelSize
+
+Progress = Callable[[float, str], None]
+
+# Grey values beyond these quantiles are clipped: a few heavy-mineral grains and their streaks
+# would otherwise draw Otsu's threshold, and the blur, towards them.
+_CLIPPED = (0.002, 0.99)
+_BINS = 1024
+# Peaks of the distance map that stand out less than this (in voxels) come from the voxel grid.
+_LEAST_DEPTH = 0.5
+
+
+@dataclass(frozen=True)
+class SegmentationSettings:
+    """How grains are found.
+
+    Attributes
+    ----------
+    denoise_sigma : float
+        Standard deviation of the Gaussian blur before the threshold, in voxels; 0 for none.
+    threshold : float or None
+        Grey value from which a voxel is grain; None for Otsu's inside the field of view.
+    splitting : float
+        How readily touching grains are parted, 0 to 1: two are parted where the neck between
+        them is narrower than this share of the smaller one's inscribed ball. 0 parts nothing.
+    smallest_voxels : int
+        Pieces of fewer voxels are no grains: they go to the grain that they touch most, or away.
+    drop_border : bool
+        Leave out grains that the box or the field of view cuts off.
+
+    Raises
+    ------
+    SegmentationError
+        If a value is out of its range.
+    """
+
+    denoise_sigma: float = 0.5
+    threshold: float | None = None
+    splitting: float = 0.8
+    smallest_voxels: int = 100
+    drop_border: bool = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.denoise_sigma) and 0 <= self.denoise_sigma <= 20):
+            raise SegmentationError(f"denoise_sigma={self.denoise_sigma} is impossible: give 0 to 20 voxels.")
+        if self.threshold is not None and not math.isfinite(self.threshold):
+            raise SegmentationError(f"threshold={self.threshold} is impossible: give a grey value or None.")
+        if not 0 <= self.splitting <= 1:
+            raise SegmentationError(f"splitting={self.splitting} is impossible: give 0 (never) to 1 (at every neck).")
+        if not self.smallest_voxels >= 1:
+            raise SegmentationError(f"smallest_voxels={self.smallest_voxels} is impossible: give 1 or more.")
+
+
+def segment(
+    scan: Scan,
+    settings: SegmentationSettings | None = None,
+    *,
+    progress: Progress | None = None,
+    **overrides: Any,
+) -> GrainSet:
+    """Find the grains of a scan.
+
+    Parameters
+    ----------
+    scan : Scan
+    settings : SegmentationSettings, optional
+    progress : callable, optional
+        ``progress(fraction, message)``, called between the stages; what it raises ends the work.
+    **overrides
+        Single settings by name, for example ``splitting=0.7``.
+
+    Returns
+    -------
+    GrainSet
+        Labels 1..N, each one 26-connected piece without cavities.
+
+    Raises
+    ------
+    ScanError
+        If voxels are not numbers, or all alike.
+    SegmentationError
+        If a setting is unknown or impossible, or no grains are found.
+    """
+    settings = _with_overrides(settings or SegmentationSettings(), overrides)
+    tell = progress or (lambda fraction, message: None)
+    tell(0.0, "Reading the voxels")
+    voxels = scan.load()
+    _require_contrast(voxels, scan)
+    tell(0.08, "Finding the field of view")
+    view = find_field_of_view(voxels)
+    tell(0.14, "Denoising")
+    mask, threshold = _threshold(voxels, view, scan.voxel_size, settings)
+    del voxels
+    tell(0.40, f"Grains are brighter than {threshold:g}")
+    _fill_pinholes(mask, view, settings.smallest_voxels)
+    tell(0.50, "Measuring distances")
+    landscape = _distance_map(mask, view, scan.voxel_size)
+    del mask
+    tell(0.60, "Parting touching grains")
+    labels, count = split_by_necks(landscape, settings.splitting, _LEAST_DEPTH)
+    del landscape
+    tell(0.85, f"Sorting {count:,} pieces")
+    count = _settle_fragments(labels, settings.smallest_voxels)
+    tell(0.92, "Filling cavities")
+    fill_label_cavities(labels)
+    if settings.drop_border:
+        _, _, _, cut = statistics(labels, view.rim)
+        count = kept_and_numbered(labels, ~cut)
+    if not count:
+        raise SegmentationError(
+            f"No grains were found in {scan.path or 'the scan'} above the grey value {threshold:g}: check the threshold, "
+            "the smallest grain and whether border grains are dropped."
+        )
+    tell(0.97, "Making the table")
+    grains = grain_set_of(labels, scan.voxel_size, scan.origin, view.rim)
+    tell(1.0, f"{len(grains):,} grains")
+    return grains
+
+
+def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -> SegmentationSettings:
+    known = SegmentationSettings.__dataclass_fields__
+    for name in overrides:
+        if name not in known:
+            raise SegmentationError(f"'{name}' is no setting of the segmentation: use one of {', '.join(known)}.")
+    return replace(settings, **overrides)
+
+
+def _require_contrast(voxels: Shaped[np.ndarray, "Z Y X"], scan: Scan) -> None:
+    """Raise ScanError if there are voxels that are no numbers, or all are alike."""
+    name = scan.path or "The scan"
+    low, high = math.inf, -math.inf
+    for part in voxels:
+        if part.dtype.kind == "f" and not np.isfinite(part).all():
+            count = int(np.count_nonzero(~np.isfinite(part)))
+            raise ScanError(
+                f"{name} holds voxels that are not finite numbers ({count} in one slice alone): "
+                "replace them, for example by the grey value of the void, and open the scan again."
+            )
+        low, high = min(low, float(part.min())), max(high, float(part.max()))
+    if low == high:
+        raise ScanError(f"{name} is constant: every voxel is {low:g}. Check that the right file was exported.")
+
+
+def _threshold(
+    voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize, settings: SegmentationSettings
+) -> tuple[Bool[np.ndarray, "Z Y X"], float]:
+    """Return which voxels are grain, and the grey value that parts them."""
+    seen = view.mask
+    low, high = _quantiles(voxels, seen)
+    if settings.threshold is not None:
+        high = max(high, settings.threshold + (high - low))
+    if low == high:  # nearly all voxels alike: the few others are what there is to see
+        low, high = float(voxels.min()), float(voxels.max())
+    grey = np.clip(voxels, low, high).astype(np.float32)
+    _denoise(grey, view, voxel_size, settings.denoise_sigma)
+    threshold = settings.threshold
+    if threshold is None:
+        threshold = _otsu(grey, seen)
+    mask = grey > threshold
+    mask &= seen
+    return mask, threshold
+
+
+def _quantiles(voxels: Shaped[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> tuple[float, float]:
+    """Return the grey values between which voxels are believed (of some ten million of them)."""
+    step = max(1, round((voxels.size / 1e7) ** (1 / 2)))
+    sample = voxels[:, ::step, ::step][seen[:, ::step, ::step]]
+    low, high = np.quantile(sample, _CLIPPED)
+    return float(low), float(high)
+
+
+def _denoise(
+    grey: Float[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize, sigma: float
+) -> None:
+    """Blur in place, with nothing flowing in from outside the field of view."""
+    if sigma == 0:
+        return
+    shortest = min(voxel_size.zyx)
+    sigmas = [sigma * shortest / edge for edge in voxel_size.zyx]
+    if not view.is_whole_box:
+        grey *= view.mask
+    ndimage.gaussian_filter(grey, sigmas, output=grey, mode="nearest")
+    if not view.is_whole_box:
+        across = [sigma for axis, sigma in enumerate(sigmas) if axis != view.axis]
+        weight = ndimage.gaussian_filter(view.footprint.astype(np.float32), across, mode="nearest")
+        grey /= view.over_volume(np.maximum(weight, 1e-3))
+
+
+def _otsu(grey: Float[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> float:
+    """Return Otsu's threshold of the seen voxels."""
+    from skimage.filters import threshold_otsu
+
+    low, high = float(grey.min(where=seen, initial=math.inf)), float(grey.max(where=seen, initial=-math.inf))
+    edges = np.linspace(low, high, _BINS + 1)
+    counts = np.zeros(_BINS, np.int64)
+    for part, part_seen in zip(grey, seen, strict=True):
+        counts += np.histogram(part[part_seen], bins=edges)[0]
+    return float(threshold_otsu(hist=(counts, (edges[:-1] + edges[1:]) / 2)))
+
+
+def _fill_pinholes(mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView, smallest_voxels: int) -> None:
+    """Fill, in place, gaps in the solid that are smaller than the smallest grain."""
+    gaps, count = cc3d.connected_components(~mask & view.mask, connectivity=6, return_N=True)
+    sizes = np.bincount(gaps.ravel(), minlength=count + 1)
+    small = sizes < smallest_voxels
+    small[0] = False
+    for part, gap in zip(mask, gaps, strict=True):
+        part |= small[gap]
+
+
+def _distance_map(
+    mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize
+) -> Float[np.ndarray, "Z Y X"]:
+    """Return the distance to the void, in the smallest voxel edge; 0 outside the grains.
+
+    What the scan has not seen, beyond the box or the field of view, counts as solid: a grain that
+    is cut off is not the narrower for it.
+    """
+    shortest = min(voxel_size.zyx)
+    solid = mask if view.is_whole_box else mask | ~view.mask
+    anisotropy = tuple(edge / shortest for edge in voxel_size.zyx)
+    distance = edt.edt(np.ascontiguousarray(solid), anisotropy=anisotropy, black_border=False, parallel=0)
+    np.nan_to_num(distance, copy=False, posinf=float(max(mask.shape)))
+    distance *= mask
+    return distance
+
+
+def _settle_fragments(labels: Int[np.ndarray, "Z Y X"], smallest_voxels: int) -> int:
+    """Give pieces that are too small to the neighbour they touch most, else drop them; return N."""
+    voxels, boxes, _, _ = statistics(labels)
+    small = voxels < smallest_voxels
+    keep = np.ones(len(voxels), dtype=bool)
+    cross = ndimage.generate_binary_structure(3, 3)
+    for label in np.flatnonzero(small) + 1:
+        part = labels[box_of(boxes[label - 1], margin=1)]
+        inside = part == label
+        around = part[ndimage.binary_dilation(inside, cross) & ~inside]
+        around = around[around > 0]
+        around = around[~small[around - 1]]
+        if len(around):
+            part[inside] = np.bincount(around).argmax()
+        keep[label - 1] = False
+    return kept_and_numbered(labels, keep)
