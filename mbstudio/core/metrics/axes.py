@@ -13,10 +13,12 @@ from scipy.spatial.transform import Rotation
 from mbstudio.core.errors import MeasureError
 
 _STARTS = 600
-_KEPT = 4
+_KEPT = 12
+_KEPT_TO_THE_END = 4
 _TRIALS = 48
-_STAGES = 18
-_SHRINK = 0.6
+_STAGES = 20
+_SHRINK = 0.65
+_COARSE_STAGES = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ def convex_hull(points: Float[np.ndarray, "m 3"]) -> ConvexHull:
         raise MeasureError("The body is flat or empty: it has no volume, so no shape factors.") from error
 
 
-def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
+def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | None = None) -> BoundingBox:
     """Return the oriented bounding box of least volume, to about 1e-4 of its volume.
 
     The volume as a function of the rotation has kinks wherever the touching vertices change,
@@ -54,22 +56,32 @@ def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
     ----------
     hull : scipy.spatial.ConvexHull
         Convex hull of the body (:func:`convex_hull`).
+    points : float array, shape (m, 3), optional
+        A denser set of surface points that decides at the end; those of the hull by default.
     """
     corners = hull.points[hull.vertices]
     centre = corners.mean(axis=0)
     scale = float(np.abs(corners - centre).max())
     corners = (corners - centre) / scale
+    finest = corners if points is None else (points - centre) / scale
     frames = np.concatenate([_starting_frames(), _frames_of(corners, hull)])
-    volumes = _extents(corners, frames).prod(axis=1)
+    # A few hundred extreme corners tell the good frames from the bad; all corners decide at the end.
+    few = corners[np.unique((corners @ _starting_frames()[:, 0].T).argmax(axis=0))]
+    volumes = _extents(few, frames).prod(axis=1)
     best = np.argsort(volumes, kind="stable")[:_KEPT]
     frames, volumes = frames[best], volumes[best]
     turns = _turns()
     angle = np.radians(12.0)
-    for _ in range(_STAGES):
-        corners = _within_reach(corners, frames, angle / (1.0 - _SHRINK))
+    touching = few
+    for stage in range(_STAGES):
+        if stage == _COARSE_STAGES:
+            frames = frames[np.argsort(volumes, kind="stable")[:_KEPT_TO_THE_END]]
+            touching = _within_reach(finest, frames, angle / (1.0 - _SHRINK))
+            volumes = _extents(touching, frames).prod(axis=1)
+        touching = _within_reach(touching, frames, angle / (1.0 - _SHRINK))
         step = Rotation.from_rotvec(turns * angle).as_matrix()
         trials = np.einsum("tij,kjl->ktil", step, frames)
-        trial_volumes = _extents(corners, trials.reshape(-1, 3, 3)).prod(axis=1).reshape(len(frames), -1)
+        trial_volumes = _extents(touching, trials.reshape(-1, 3, 3)).prod(axis=1).reshape(len(frames), -1)
         winner = trial_volumes.argmin(axis=1)
         rows = np.arange(len(frames))
         better = trial_volumes[rows, winner] < volumes
@@ -77,7 +89,7 @@ def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
         volumes = np.where(better, trial_volumes[rows, winner], volumes)
         angle *= _SHRINK
     frame = frames[volumes.argmin()]
-    lengths = _extents(corners, frame[None])[0] * scale
+    lengths = np.ptp(frame @ finest.T, axis=1) * scale
     order = np.argsort(lengths, kind="stable")
     directions = frame[order]
     directions[2] *= np.sign(np.linalg.det(directions))

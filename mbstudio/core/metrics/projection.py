@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull
 
-_DIRECTIONS = 700
+_DIRECTIONS = 500
 _EXACT_AT_MOST = 24
 _APART = np.cos(np.radians(9.0))
 
@@ -122,10 +122,10 @@ def maximum_projection(
     hull : scipy.spatial.ConvexHull
         Its convex hull.
     coarse : tuple of vertices and faces, optional
-        A lighter mesh of the same body to search on; the result is cast on the full one.
+        The mesh that the measured one halves the edges of, both inscribed in a smooth body: the search
+        then runs on it, and area and perimeter are extrapolated from both (Richardson, ratio 4).
     """
-    searched = coarse or (vertices, faces)
-    caster = SilhouetteCaster(*searched)
+    caster = SilhouetteCaster(*(coarse or (vertices, faces)))
     bounds = _hull_areas(hull)
     directions = _directions()
     order = np.argsort(-bounds, kind="stable")
@@ -145,7 +145,13 @@ def maximum_projection(
     starts = [entry for entry in tried[:3] if entry[0] > 0.985 * best]
     ends = [_climb(caster, direction, area) for area, direction in starts]
     direction = max(ends, key=lambda entry: entry[0])[1]
-    return (caster if coarse is None else SilhouetteCaster(vertices, faces)).cast(direction)
+    found = caster.cast(direction)
+    if coarse is None:
+        return found
+    fine = SilhouetteCaster(vertices, faces).cast(direction)
+    return Silhouette(
+        (4.0 * fine.area - found.area) / 3.0, (4.0 * fine.perimeter - found.perimeter) / 3.0, found.direction
+    )
 
 
 def _climb(caster: SilhouetteCaster, direction: np.ndarray, area: float) -> tuple[float, np.ndarray]:
@@ -192,8 +198,9 @@ def _hull_areas(hull: ConvexHull) -> Float[np.ndarray, " d"]:
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = np.zeros(len(_directions()))
     for part in np.array_split(normals, max(1, len(normals) // 4000)):
-        areas += 0.25 * np.abs(_directions() @ part.T).sum(axis=1)
-    return areas * (1 + 1e-9)
+        heights = _directions().astype(np.float32) @ part.T.astype(np.float32)
+        areas += 0.25 * np.abs(heights, out=heights).sum(axis=1)
+    return areas * (1 + 1e-5)
 
 
 @cache

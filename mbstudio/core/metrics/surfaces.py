@@ -16,7 +16,7 @@ from mbstudio.core.metaball.avatar import Avatar
 if TYPE_CHECKING:
     import trimesh
 
-_COARSE_CELLS = 40
+_COARSE_CELLS = 32
 
 VerticesFaces = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 

@@ -1,0 +1,125 @@
+"""An avatar made ready for an engine: centre of mass at the origin, axes principal, pose kept apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mbstudio.core.errors import ExportError, MbstudioError
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metrics.mass import MassProperties, mass_properties
+from mbstudio.core.units import conversion_factor
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+_RESERVED = {
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    "manifest",
+    "in",
+    *(f"{p}{i}" for p in ("com", "lpt") for i in range(1, 10)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class DemBody:
+    """One avatar in its principal frame.
+
+    Attributes
+    ----------
+    name : str
+        A file name that every system and engine accepts.
+    avatar : Avatar
+        Centre of mass at the origin, principal axes along x, y, z (moments ascending), in the
+        unit of the export.
+    mass : MassProperties
+        Of the avatar where it came from, in the unit of the export: the pose
+        ``x_source = com + rotation @ x_principal`` and the moments.
+    source : Avatar
+    """
+
+    name: str
+    avatar: Avatar
+    mass: MassProperties
+    source: Avatar
+
+
+def prepare_bodies(
+    avatars: Sequence[Avatar], names: Sequence[str], unit: str, density: float | None
+) -> list[DemBody]:
+    """Measure the avatars and turn each into its principal frame.
+
+    Without a density the mass properties are those for 1 kg/m**3; only volume and pose count then.
+
+    Raises
+    ------
+    ExportError
+        If an avatar has no mass properties (several pieces, no volume).
+    """
+    return [_prepare(avatar, name, unit, density) for avatar, name in zip(avatars, names, strict=True)]
+
+
+def _prepare(avatar: Avatar, name: str, unit: str, density: float | None) -> DemBody:
+    factor = conversion_factor(avatar.unit, unit)
+    try:
+        mass = mass_properties(avatar, 1.0 if density is None else density).to(unit)
+    except MbstudioError as error:
+        raise ExportError(f"'{name}' cannot be exported: {error}") from error
+    local = replace(
+        avatar,
+        centers=(avatar.centers * factor - mass.com) @ mass.rotation,
+        weights=avatar.weights * factor**2,
+        unit=unit,
+        name=name,
+    )
+    return DemBody(name, local, mass, avatar)
+
+
+def choose_names(avatars: Sequence[Avatar], names: Sequence[str] | None) -> list[str]:
+    """Return one file name for each avatar: those given, else made from the avatars' names and labels.
+
+    Raises
+    ------
+    ExportError
+        If a given name is no plain file name (letters, digits, ``_`` and ``-``), or occurs twice.
+    """
+    if names is None:
+        return _made_names(avatars)
+    if len(names) != len(avatars):
+        raise ExportError(f"{len(names)} names were given for {len(avatars)} avatars: give one for each.")
+    seen: set[str] = set()
+    for name in names:
+        if not _NAME.fullmatch(name) or name.lower() in _RESERVED:
+            raise ExportError(
+                f"'{name}' cannot be the name of an exported shape: use up to 64 letters, digits, '_' and '-', "
+                "without spaces or slashes."
+            )
+        if name.lower() in seen:
+            raise ExportError(f"The name '{name}' was given twice: give every shape its own.")
+        seen.add(name.lower())
+    return list(names)
+
+
+def _made_names(avatars: Sequence[Avatar]) -> list[str]:
+    made: list[str] = []
+    seen: set[str] = set()
+    for avatar in avatars:
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", avatar.name).strip("_-")[:48] or "avatar"
+        if avatar.label is not None and str(avatar.label) not in re.findall(r"\d+", stem):
+            stem = f"{stem}_{avatar.label}"
+        name, count = stem, 1
+        while name.lower() in seen or name.lower() in _RESERVED:
+            count += 1
+            name = f"{stem}_{count}"
+        seen.add(name.lower())
+        made.append(name)
+    return made
+
+
+def is_finite(*arrays: object) -> bool:
+    """Return whether every number in the arrays is finite."""
+    return all(bool(np.isfinite(np.asarray(array, dtype=float)).all()) for array in arrays)

@@ -1,0 +1,178 @@
+"""Export avatars to a DEM engine, all or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbstudio.core.dem.body import choose_names, prepare_bodies
+from mbstudio.core.dem.folder import check_replaceable, replaced_folder
+from mbstudio.core.dem.manifest import (
+    FILE_NAME,
+    check_digests,
+    describe_body,
+    files_of_earlier_export,
+    make_manifest,
+    read_manifest,
+    write_manifest,
+)
+from mbstudio.core.dem.target import Job, Progress, complete_options, find_target
+from mbstudio.core.errors import ExportError
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.units import parse_unit
+
+
+@dataclass(frozen=True, eq=False)
+class ExportReport:
+    """What an export wrote.
+
+    Attributes
+    ----------
+    folder : Path
+    target : str
+    files : tuple of Path
+        Every file written, the manifest last.
+    manifest : mapping
+        What manifest.json says.
+    items : tuple of mappings
+        The manifest's entry for each avatar: name, files, volume, mass, moments, pose, details.
+    """
+
+    folder: Path
+    target: str
+    files: tuple[Path, ...]
+    manifest: Mapping[str, Any]
+    items: tuple[Mapping[str, Any], ...]
+
+
+def export(
+    avatars: Avatar | Sequence[Avatar],
+    target: str,
+    folder: str | Path,
+    *,
+    density: float | None = None,
+    unit: str | None = None,
+    names: Sequence[str] | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> ExportReport:
+    """Write avatars for a DEM engine: each with its centre of mass at the origin and principal axes.
+
+    The pose, mass and moments stand in manifest.json. Every file is read back and checked before
+    the folder is swapped in; if anything fails or `progress` raises, nothing has changed.
+
+    Parameters
+    ----------
+    avatars : Avatar or sequence of Avatar
+    target : str
+        A name from :func:`mbstudio.core.dem.targets`.
+    folder : path
+        A new or empty folder, or one with an earlier export, whose files are replaced; other
+        files in it are kept.
+    density : float, optional
+        In kg/m**3; needed by targets whose files state a mass.
+    unit : str, optional
+        Length unit of the files; the target's own default otherwise.
+    names : sequence of str, optional
+        A file name for each avatar.
+    overwrite : bool
+        Write into a folder that holds other files and no earlier export.
+    progress : callable(fraction, message), optional
+        Raising in it cancels.
+    **options
+        The target's options.
+
+    Raises
+    ------
+    ExportError
+        If something given cannot be, an avatar cannot be exported, or the folder cannot be written.
+    UnitError
+        If the unit is unknown.
+    """
+    avatars = [avatars] if isinstance(avatars, Avatar) else list(avatars)
+    if not avatars:
+        raise ExportError("There is no avatar to export: fit a grain first.")
+    chosen = find_target(target)
+    unit = parse_unit(unit or chosen.default_unit or avatars[0].unit)
+    density = _checked_density(chosen.title, chosen.needs_density, density)
+    settings = complete_options(chosen, options)
+    names = choose_names(avatars, names)
+    folder = Path(folder).expanduser()
+    report_progress = progress or _ignore
+    replaced = check_replaceable(folder, files_of_earlier_export, overwrite)
+
+    with replaced_folder(folder, replaced, overwrite) as temporary:
+        bodies = []
+        for index, (avatar, name) in enumerate(zip(avatars, names, strict=True)):
+            report_progress(0.4 * index / len(avatars), f"Mass properties of {name}")
+            bodies.extend(prepare_bodies([avatar], [name], unit, density))
+        job = Job(bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m))
+        written = chosen.write(job)
+        items = [
+            describe_body(body, density, files, details)
+            for body, files, details in zip(bodies, written.item_files, written.item_details, strict=True)
+        ]
+        manifest = make_manifest(target, unit, density, settings, items, written.shared_files, temporary)
+        write_manifest(temporary, manifest)
+        report_progress(0.9, "Reading back")
+        try:
+            validate(temporary)
+        except ExportError as error:
+            raise ExportError(str(error).replace(str(temporary), str(folder))) from error
+    report_progress(1.0, "Exported")
+    files = tuple(folder / name for name in [*manifest["files"], FILE_NAME])
+    return ExportReport(folder, target, files, manifest, tuple(manifest["items"]))
+
+
+def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
+    """Read every file of an export back and refuse what an engine would silently misread.
+
+    Parameters
+    ----------
+    folder : path
+    digests : bool
+        Also refuse files that were changed after the export, however harmlessly.
+
+    Returns
+    -------
+    dict
+        The manifest.
+
+    Raises
+    ------
+    ExportError
+        Naming the file and what is wrong with it.
+    """
+    folder = Path(folder)
+    manifest = read_manifest(folder)
+    chosen = find_target(manifest["target"])
+    for name in manifest["files"]:
+        if not (folder / name).is_file():
+            raise ExportError(f"{folder / name} is missing: export again.")
+    chosen.validate(folder, manifest)
+    if digests:
+        check_digests(folder, manifest)
+    return manifest
+
+
+def _checked_density(title: str, needed: bool, density: float | None) -> float | None:
+    if density is None:
+        if needed:
+            raise ExportError(
+                f"{title} needs the density of the grains: give it in kg/m3, for example density=2650."
+            )
+        return None
+    if not (np.isfinite(density) and density > 0):
+        raise ExportError(
+            f"A density of {density:g} kg/m3 is impossible: give a positive number such as 2650."
+        )
+    return float(density)
+
+
+def _ignore(fraction: float, message: str) -> None:
+    """No one listens to the progress."""

@@ -1,0 +1,107 @@
+"""What the mesh targets (STL, OBJ, PLY) share: making the meshes and checking them when read back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbstudio.core.dem.remesh import angles_of, well_shaped_mesh
+from mbstudio.core.dem.target import Job, Option, Written
+from mbstudio.core.errors import ExportError
+from mbstudio.core.metrics.mass import volume_integrals
+
+if TYPE_CHECKING:
+    import trimesh
+
+OPTIONS = MappingProxyType(
+    {"cells": Option(32, "edges along the longest side of each grain: more give a finer mesh", 8, 200)}
+)
+ACCEPTED_ANGLE = 1.0
+"""Engines refuse slivers; LIGGGHTS draws the line at 0.256 degrees."""
+
+
+def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Path], None]) -> Written:
+    """Write one mesh file a body and describe it."""
+    files, details = [], []
+    for index, body in enumerate(job.bodies):
+        job.progress(index / len(job.bodies), f"Meshing {body.name}")
+        mesh = well_shaped_mesh(body.avatar, int(job.options["cells"]), body.mass.volume)
+        name = f"{body.name}.{suffix}"
+        write_one(mesh, job.folder / name)
+        files.append((name,))
+        details.append(describe_mesh(mesh))
+    return Written(files, details)
+
+
+def describe_mesh(mesh: trimesh.Trimesh) -> dict[str, Any]:
+    """Return what the manifest says about a mesh."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    angles = np.degrees(angles_of(vertices, faces))
+    edges = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2)
+    return {
+        "vertices": len(vertices),
+        "triangles": len(faces),
+        "euler_number": len(vertices) - len(faces) // 2,
+        "smallest_angle_degrees": float(angles.min()),
+        "mean_smallest_angle_degrees": float(angles.min(axis=1).mean()),
+        "mean_edge": float(edges.mean()),
+        "longest_edge": float(edges.max()),
+        "volume": float(volume_integrals(vertices, faces)[0]),
+    }
+
+
+def validate_meshes(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Read every mesh back: closed, outward, without slivers, of the stated volume, centred.
+
+    Raises
+    ------
+    ExportError
+        Naming the file and what is wrong with it.
+    """
+    for item in manifest["items"]:
+        (name,) = item["files"]
+        _validate_mesh(folder / name, item)
+
+
+def _validate_mesh(path: Path, item: Mapping[str, Any]) -> None:
+    mesh = read_mesh(path)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if not len(faces) or not np.isfinite(vertices).all():
+        raise ExportError(f"{path} has no faces, or vertices that are not finite numbers.")
+    if not (mesh.is_watertight and mesh.is_winding_consistent):
+        raise ExportError(f"{path} is not a closed, consistently oriented surface.")
+    if len(faces) != item["details"]["triangles"]:
+        raise ExportError(
+            f"{path} has {len(faces)} triangles; the manifest says {item['details']['triangles']}."
+        )
+    integrals = volume_integrals(vertices, faces)
+    if integrals[0] <= 0:
+        raise ExportError(f"{path} is inside out: its volume is {integrals[0]:g}.")
+    if abs(integrals[0] / item["volume"] - 1) > 0.02:
+        raise ExportError(
+            f"{path} has a volume of {integrals[0]:g}, the avatar {item['volume']:g}: give more 'cells'."
+        )
+    size = float(np.ptp(vertices, axis=0).max())
+    if np.abs(integrals[1:4] / integrals[0]).max() > 0.005 * size:
+        raise ExportError(f"{path} does not have its centre of mass at the origin.")
+    if float(np.degrees(angles_of(vertices, faces)).min()) < ACCEPTED_ANGLE:
+        raise ExportError(
+            f"{path} has triangles thinner than {ACCEPTED_ANGLE:g} degree, which engines refuse."
+        )
+
+
+def read_mesh(path: Path) -> trimesh.Trimesh:
+    """Read a mesh file with vertices of the same place merged; ExportError if it cannot be read."""
+    import trimesh
+
+    try:
+        mesh = trimesh.load_mesh(path, process=True, merge_norm=True, merge_tex=True)
+    except Exception as error:  # trimesh raises whatever its parsers meet
+        raise ExportError(f"{path} cannot be read back ({error}).") from error
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise ExportError(f"{path} holds no single mesh.")
+    return mesh

@@ -1,0 +1,32 @@
+"""PLY meshes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbstudio.core.dem.meshes import OPTIONS, validate_meshes, write_meshes
+from mbstudio.core.dem.target import Job, Target, Written
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+def write(job: Job) -> Written:
+    """Write one ``<name>.ply`` a body."""
+    return write_meshes(job, "ply", _write_one)
+
+
+def _write_one(mesh: trimesh.Trimesh, path: Path) -> None:
+    path.write_bytes(mesh.export(file_type="ply"))
+
+
+TARGET = Target(
+    name="ply",
+    title="PLY meshes",
+    needs_density=False,
+    default_unit="m",
+    write=write,
+    validate=validate_meshes,
+    options=OPTIONS,
+)
