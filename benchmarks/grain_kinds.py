@@ -1,0 +1,159 @@
+"""Synthetic grains whose true surface is known: cobbles, angular and concave ones, and difficult shapes.
+
+Each kind is an implicit function (negative inside) on the box [-1, 1]**3; the voxels are its
+signs at voxel centres, the truth a mesh whose vertices are moved onto its zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from mbstudio.core.grains import Grain
+from mbstudio.core.units import VoxelSize
+
+Implicit = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownGrain:
+    """A grain and its true surface in the grain's frame and unit."""
+
+    kind: str
+    name: str
+    grain: Grain
+    truth: trimesh.Trimesh
+
+
+def _turned(rng: np.random.Generator) -> np.ndarray:
+    matrix, upper = np.linalg.qr(rng.normal(size=(3, 3)))
+    return matrix * np.sign(np.diag(upper))
+
+
+def _smooth_least(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
+    h = np.clip(0.5 + 0.5 * (b - a) / width, 0, 1)
+    return b + (a - b) * h - width * h * (1 - h)
+
+
+def cobble(rng: np.random.Generator) -> Implicit:
+    """Return an ellipsoid with gentle waves."""
+    axes = np.array([0.9, rng.uniform(0.65, 0.85), rng.uniform(0.45, 0.65)])
+    turn, waves, phases = _turned(rng), rng.normal(size=(6, 3)) * 2.0, rng.uniform(0, 6.3, 6)
+
+    def value(points: np.ndarray) -> np.ndarray:
+        local = points @ turn
+        return np.linalg.norm(local / axes, axis=1) - 1 + 0.02 * np.sin(local @ waves.T + phases).sum(axis=1)
+
+    return value
+
+
+def angular(rng: np.random.Generator) -> Implicit:
+    """Return the intersection of some 14 half spaces: flat faces, sharp edges."""
+    normals = rng.normal(size=(14, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.vstack([normals, np.eye(3), -np.eye(3)])
+    distances = np.concatenate([rng.uniform(0.5, 0.75, 14), np.full(6, 0.85)])
+    return lambda points: (points @ normals.T - distances).max(axis=1)
+
+
+def concave(rng: np.random.Generator) -> Implicit:
+    """Return four to six blobs grown together, with two bites taken out."""
+    count = int(rng.integers(4, 7))
+    centers = rng.normal(size=(count, 3))
+    centers *= rng.uniform(0.25, 0.5, (count, 1)) / np.linalg.norm(centers, axis=1, keepdims=True)
+    radii = rng.uniform(0.25, 0.42, count)
+    bites = rng.normal(size=(2, 3))
+    bites *= 0.75 / np.linalg.norm(bites, axis=1, keepdims=True)
+
+    def value(points: np.ndarray) -> np.ndarray:
+        body = np.linalg.norm(points, axis=1) - 0.35
+        for center, radius in zip(centers, radii, strict=True):
+            body = _smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.12)
+        for bite in bites:
+            body = -_smooth_least(-body, np.linalg.norm(points - bite, axis=1) - 0.35, 0.06)
+        return body
+
+    return value
+
+
+def _box(points: np.ndarray, half: np.ndarray) -> np.ndarray:
+    q = np.abs(points) - half
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
+DIFFICULT: dict[str, Implicit] = {
+    "disc": lambda p: _box(np.stack([np.hypot(p[:, 0], p[:, 1]), p[:, 2], 0 * p[:, 2]], 1), np.array([0.8, 0.05, 1])) - 0.03,
+    "plate": lambda p: _box(p, np.array([0.8, 0.55, 0.05])) - 0.03,
+    "needle": lambda p: _box(p, np.array([0.85, 0.06, 0.06])) - 0.05,
+    "ring": lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.2,
+    "horseshoe": lambda p: np.maximum(
+        np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.22, np.minimum(p[:, 0] - 0.2, 0.3 - np.abs(p[:, 1]))
+    ),
+    "bowl": lambda p: np.maximum(np.abs(np.linalg.norm(p, axis=1) - 0.7) - 0.12, p[:, 2] - 0.1),
+    "dumb-bell": lambda p: _smooth_least(
+        np.linalg.norm(np.abs(p) * [1, 1, 1] - [0.55, 0, 0], axis=1) - 0.32,
+        _box(p, np.array([0.5, 0.04, 0.04])) - 0.04, 0.05,
+    ),
+    "sphere": lambda p: np.linalg.norm(p, axis=1) - 0.8,
+    "cube": lambda p: _box(p, np.full(3, 0.55)),
+}  # fmt: skip
+
+
+def known_grain(kind: str, name: str, implicit: Implicit, side: int, size: str | VoxelSize = "10 um") -> KnownGrain:
+    """Return voxels and true surface of an implicit body; `side` voxels span the box."""
+    from skimage.measure import marching_cubes
+
+    edge = 2.0 / side
+    axis = (np.arange(side) + 0.5) * edge - 1
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    value = implicit(np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)).reshape(side, side, side)
+    mask = value < 0
+    import cc3d
+
+    labels = cc3d.connected_components(mask, connectivity=6)
+    mask = labels == np.bincount(labels.ravel())[1:].argmax() + 1
+    value[(labels > 0) & ~mask] = edge
+    # The truth is contoured at least 128 across, whatever the voxels.
+    fine = max(side, 128)
+    if fine != side:
+        step = 2.0 / fine
+        axis = (np.arange(fine) + 0.5) * step - 1
+        z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+        value = implicit(np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)).reshape(fine, fine, fine)
+    step = 2.0 / fine
+    padded = np.pad(value, 1, constant_values=step)
+    vertices, faces, _, _ = marching_cubes(padded, 0.0, gradient_direction="ascent")
+    points = (vertices[:, ::-1] - 0.5) * step - 1
+    for _ in range(3):
+        here = implicit(points)
+        slope = np.stack([(implicit(points + d) - implicit(points - d)) / 2e-4 for d in 1e-4 * np.eye(3)], axis=1)
+        move = -slope * (here / np.maximum((slope**2).sum(axis=1), 1e-6))[:, None]
+        points = points + move * np.minimum(1, 0.5 * step / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
+    low = np.argwhere(mask).min(axis=0)
+    high = np.argwhere(mask).max(axis=0) + 1
+    voxel = VoxelSize.parse(size)
+    box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    # The frame: the box's corner at -voxel/2, so that voxel [0, 0, 0] of the whole box is at 0.
+    origin = tuple(float(v) for v in low[::-1] * np.array(voxel.xyz))
+    mesh = trimesh.Trimesh(((points + 1) / edge - 0.5) * voxel.xyz, faces, process=False)
+    parts = mesh.split(only_watertight=True) if mesh.body_count > 1 else [mesh]
+    truth = max(parts, key=lambda part: part.volume)
+    return KnownGrain(kind, name, Grain(mask[box].copy(), voxel, (origin[0], origin[1], origin[2]), name=name), truth)
+
+
+def synthetic(side: int = 200, count: int = 5, seed: int = 2023) -> list[KnownGrain]:
+    """Return `count` grains of each of the three kinds."""
+    makers = {"cobble": cobble, "angular": angular, "concave": concave}
+    return [
+        known_grain(kind, f"{kind} {i}", maker(np.random.default_rng([seed, k, i])), side)
+        for k, (kind, maker) in enumerate(makers.items())
+        for i in range(count)
+    ]
+
+
+def difficult(side: int = 120) -> list[KnownGrain]:
+    """Return thin, hollowed and pierced shapes."""
+    return [known_grain("difficult", name, implicit, side) for name, implicit in DIFFICULT.items()]
