@@ -95,8 +95,8 @@ def choose_names(avatars: Sequence[Avatar], names: Sequence[str] | None) -> list
     for name in names:
         if not _NAME.fullmatch(name) or name.lower() in _RESERVED:
             raise ExportError(
-                f"'{name}' cannot be the name of an exported shape: use up to 64 letters, digits, '_' and '-', "
-                "without spaces or slashes."
+                f"'{name}' cannot be the name of an exported shape: use up to 64 letters, digits, '_' and "
+                "'-', without spaces or slashes."
             )
         if name.lower() in seen:
             raise ExportError(f"The name '{name}' was given twice: give every shape its own.")

@@ -13,7 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
+from numba import njit
 
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball.avatar import Avatar
@@ -27,7 +28,7 @@ _SPHERE_POINTS = 96
 _ROUNDS = 60
 _GRID = 72
 _SMALLEST = 0.1
-"""No radius falls below this fraction of the largest inscribed one: engines choose their step by the smallest."""
+"""Smallest radius over the largest inscribed one: engines choose their time step by the smallest sphere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,17 +151,25 @@ class _Task:
 
 def nearest_sphere(
     points: Float[np.ndarray, "m 3"], centers: Float[np.ndarray, "n 3"], radii: Float[np.ndarray, " n"]
-) -> tuple[np.ndarray, Float[np.ndarray, " m"]]:
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Return the sphere whose surface is nearest (or deepest around) each point, and that signed distance."""
-    owner = np.zeros(len(points), dtype=np.intp)
-    best = np.full(len(points), np.inf)
-    for index, (center, radius) in enumerate(zip(centers, radii, strict=True)):
-        offset = points - center
-        distance = np.sqrt(np.einsum("ij,ij->i", offset, offset)) - radius
-        closer = distance < best
-        owner[closer] = index
-        best[closer] = distance[closer]
+    owner, best = np.zeros(len(points), dtype=np.int64), np.empty(len(points))
+    _nearest_sphere(np.ascontiguousarray(points), centers, radii, owner, best)
     return owner, best
+
+
+@njit(cache=True, nogil=True)
+def _nearest_sphere(points, centers, radii, owner, best):  # pragma: no cover - compiled
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        smallest = np.inf
+        for i in range(len(radii)):
+            dx, dy, dz = x - centers[i, 0], y - centers[i, 1], z - centers[i, 2]
+            distance = np.sqrt(dx * dx + dy * dy + dz * dz) - radii[i]
+            if distance < smallest:
+                smallest = distance
+                owner[p] = i
+        best[p] = smallest
 
 
 def _spread_over(
@@ -252,7 +261,7 @@ def _bare_points(
     radii: Float[np.ndarray, " n"],
     directions: Float[np.ndarray, "d 3"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the points of the clump's bare surface: direction, sphere, distance to the avatar, its normal."""
+    """Return the points of the clump's bare surface: direction, sphere, distance to the avatar, normal."""
     points = (centers[:, None] + radii[:, None, None] * directions).reshape(-1, 3)
     sphere = np.repeat(np.arange(len(radii)), len(directions))
     towards = np.tile(directions, (len(radii), 1))
@@ -313,8 +322,8 @@ def _finish(task: _Task, centers: Float[np.ndarray, "n 3"], radii: Float[np.ndar
         centers * task.scale + task.origin,
         radii * task.scale,
         task.avatar.unit,
-        iou=both / union,
-        volume_ratio=np.count_nonzero(filled) / np.count_nonzero(task.inside),
+        iou=float(both / union),
+        volume_ratio=float(np.count_nonzero(filled) / np.count_nonzero(task.inside)),
         mean_distance=float(np.concatenate([gaps, np.abs(overshoot)]).mean()) * task.scale,
         hausdorff=float(max(gaps.max(), np.abs(overshoot).max(initial=0.0))) * task.scale,
     )

@@ -1,7 +1,9 @@
 """Write a folder whole or not at all.
 
-Everything is written into a hidden sibling of the folder, flushed to the disk, and swapped in
-by renaming. Until the swap nothing that was there is touched; a failure removes the sibling.
+Everything is written into a hidden temporary folder, flushed to the disk, and swapped in by
+renaming. A new folder appears by one rename of a sibling. Into a folder that exists (it may be the
+working folder of a shell, or the root of a drive) the files are renamed one by one, the manifest
+last, after the earlier ones were renamed aside; a failure renames everything back.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from mbstudio.core.dem.manifest import FILE_NAME
 from mbstudio.core.errors import ExportError
 
 
@@ -69,20 +72,23 @@ def replaced_folder(folder: Path, replaced: Iterable[str], overwrite: bool) -> I
         If the folder cannot be written (rights, full disk) or a kept file is in the way. Nothing
         has changed then.
     """
-    folder = Path(os.path.abspath(folder))
-    if folder.is_symlink():
-        folder = folder.resolve()
+    folder = folder.resolve()
     made_parents: list[Path] = []
     temporary: Path | None = None
     try:
         try:
             made_parents = _make_parents(folder.parent)
-            temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".part", dir=folder.parent))
+            place = folder if folder.exists() else folder.parent
+            temporary = Path(tempfile.mkdtemp(prefix=".mbstudio-", suffix=".part", dir=place))
             yield temporary
             _refuse_collisions(temporary, folder, set(replaced), overwrite)
-            _give_rights(temporary, folder)
             _flush(temporary)
-            _swap(temporary, folder, set(replaced))
+            if folder.exists():
+                _swap_files(temporary, folder, set(replaced))
+                temporary.rmdir()
+            else:
+                _give_usual_rights(temporary)
+                temporary.rename(folder)
         except OSError as error:
             reason = error.strerror or str(error)
             raise ExportError(
@@ -123,14 +129,11 @@ def _refuse_collisions(temporary: Path, folder: Path, replaced: set[str], overwr
         )
 
 
-def _give_rights(temporary: Path, folder: Path) -> None:
-    """A temporary folder is readable by its owner only; the result gets the usual rights."""
-    if folder.exists():
-        temporary.chmod(folder.stat().st_mode & 0o7777)
-    else:
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o777 & ~mask)
+def _give_usual_rights(temporary: Path) -> None:
+    """A temporary folder is readable by its owner only."""
+    mask = os.umask(0)
+    os.umask(mask)
+    temporary.chmod(0o777 & ~mask)
 
 
 def _flush(folder: Path) -> None:
@@ -144,25 +147,26 @@ def _flush(folder: Path) -> None:
             os.close(descriptor)
 
 
-def _swap(temporary: Path, folder: Path, replaced: set[str]) -> None:
-    if not folder.exists():
-        temporary.rename(folder)
-        return
-    aside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".old", dir=folder.parent))
-    before = aside / folder.name
-    moved: list[str] = []
-    folder.rename(before)
+def _swap_files(temporary: Path, folder: Path, replaced: set[str]) -> None:
+    """Rename the earlier files aside and the new ones in; if one rename fails, rename all back."""
+    new = sorted((entry.name for entry in temporary.iterdir()), key=_manifest_last)
+    earlier = sorted({name for name in replaced | set(new) if (folder / name).exists()}, key=_manifest_last)
+    aside = Path(tempfile.mkdtemp(prefix=".mbstudio-", suffix=".old", dir=folder))
+    done: list[tuple[Path, Path]] = []
+    moves = [(folder / name, aside / name) for name in reversed(earlier)]
+    moves += [(temporary / name, folder / name) for name in new]
     try:
-        new = {entry.name for entry in temporary.iterdir()}
-        for entry in list(before.iterdir()):
-            if entry.name not in replaced and entry.name not in new:
-                entry.rename(temporary / entry.name)
-                moved.append(entry.name)
-        temporary.rename(folder)
+        for source, destination in moves:
+            source.rename(destination)
+            done.append((source, destination))
     except BaseException:
-        for name in moved:
-            (temporary / name).rename(before / name)
-        before.rename(folder)
+        for source, destination in reversed(done):
+            destination.rename(source)
         aside.rmdir()
         raise
     shutil.rmtree(aside, ignore_errors=True)
+
+
+def _manifest_last(name: str) -> tuple[bool, str]:
+    """A folder without a manifest is no export, so the manifest goes first and comes last."""
+    return name == FILE_NAME, name

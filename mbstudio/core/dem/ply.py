@@ -18,7 +18,9 @@ def write(job: Job) -> Written:
 
 
 def _write_one(mesh: trimesh.Trimesh, path: Path) -> None:
-    path.write_bytes(mesh.export(file_type="ply"))
+    from trimesh.exchange.ply import export_ply
+
+    path.write_bytes(export_ply(mesh))
 
 
 TARGET = Target(

@@ -224,7 +224,7 @@ def _may_collapse(
             vertex = face[corner]
             if locked[vertex]:
                 return False
-            if vertex == a or vertex == b or seen[vertex] != mark:
+            if vertex in (a, b) or seen[vertex] != mark:
                 continue
             if vertex == c:
                 counted_c = 1

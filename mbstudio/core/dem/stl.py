@@ -40,7 +40,9 @@ def _write_text(mesh: trimesh.Trimesh, path: Path) -> None:
 
 
 def _write_binary(mesh: trimesh.Trimesh, path: Path) -> None:
-    path.write_bytes(mesh.export(file_type="stl"))
+    from trimesh.exchange.stl import export_stl
+
+    path.write_bytes(export_stl(mesh))
 
 
 TARGET = Target(
