@@ -43,7 +43,7 @@ def crofton_area(mask: Bool[np.ndarray, "Z Y X"], voxel_size: VoxelSize) -> floa
 
 
 @lru_cache(maxsize=16)
-def _directions(edges: tuple[float, float, float]) -> list[tuple[tuple[int, int, int], float, float]]:
+def _directions(edges: tuple[float, float, float]) -> list[tuple[tuple[int, ...], float, float]]:
     """Return shift, step length and weight of the 13 directions; the weights sum to 1."""
     shifts = [shift for shift in product((-1, 0, 1), repeat=3) if any(shift)]
     steps = np.array(shifts, dtype=float) * edges

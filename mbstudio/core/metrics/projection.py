@@ -65,9 +65,10 @@ class SilhouetteCaster:
     def cast(self, direction: Float[np.ndarray, " 3"]) -> Silhouette:
         """Return the silhouette along a direction (any length but zero)."""
         frame = _frame_along(direction)
-        outlines = (
-            self._outlines_by_manifold(frame) if self._solid is not None else self._outlines_by_union(frame)
-        )
+        if self._solid is None:
+            outlines = self._outlines_by_union(frame)
+        else:
+            outlines = [np.asarray(outline) for outline in _project(self._solid, frame).to_polygons()]
         area = perimeter = 0.0
         for outline in outlines:
             after = np.roll(outline, -1, axis=0)
