@@ -1,0 +1,102 @@
+"""The command ``mbstudio``: its commands, and what becomes of errors."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+
+import mbstudio
+from mbstudio.cli import console
+from mbstudio.cli.doctor import doctor
+from mbstudio.cli.export import export
+from mbstudio.cli.fit import fit
+from mbstudio.cli.gui import gui
+from mbstudio.cli.measure import measure
+from mbstudio.cli.segment import segment
+from mbstudio.cli.tour import tour
+from mbstudio.core.errors import MbstudioError
+
+FAILED = 1
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="mbstudio",
+    help="From X-ray CT stacks of grains to metaball avatars for DEM simulations.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (gui, tour, segment, fit, measure, export, doctor):
+    app.command()(command)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"mbstudio {mbstudio.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error arose.")] = False,
+) -> None:
+    context.obj = {"debug": debug}
+    if not debug:
+        warnings.showwarning = _show_warning
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_place: Any, **_more: Any) -> None:
+    """Show mbstudio's own warnings; those of its libraries are for developers."""
+    if category.__module__.startswith("mbstudio"):
+        console.tell(f"mbstudio: {message}")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with its code.
+
+    0 when all went well, 1 for an error with one message on stderr, 2 for a wrong call, 130
+    when interrupted.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    try:
+        app(words)
+    except MbstudioError as error:
+        _fail(str(error), debug)
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; nothing more can be written, not even at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
+    except OSError as error:
+        named = f"{error.filename}: " if error.filename else ""
+        _fail(f"{named}{error.strerror or error}", debug)
+    except MemoryError:
+        _fail(
+            "The memory of this machine is not enough: close other programs, or cut the scan smaller.", debug
+        )
+    except KeyboardInterrupt:
+        console.tell("mbstudio: interrupted.")
+        sys.exit(INTERRUPTED)
+    except Exception as error:
+        _fail(
+            f"This is a fault in mbstudio itself ({type(error).__name__}: {error}). "
+            "Start the command as 'mbstudio --debug ...' to see where, and report it.",
+            debug,
+        )
+
+
+def _fail(message: str, debug: bool) -> None:
+    if debug:
+        raise  # called while an exception is handled
+    console.tell(f"mbstudio: {message}")
+    sys.exit(FAILED)

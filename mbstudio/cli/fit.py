@@ -1,0 +1,240 @@
+"""``mbstudio fit``: avatars for the grains of a scan, a project or a mesh."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mbstudio.cli import console, inputs
+from mbstudio.core.errors import FitError, MbstudioError
+
+if TYPE_CHECKING:
+    from mbstudio.core.grains import GrainSet
+    from mbstudio.core.imaging import FitResult
+    from mbstudio.core.project import FitSettings, Project
+
+INTERRUPTED = 130
+
+
+def fit(
+    source: Annotated[
+        Path, typer.Argument(metavar="SCAN|PROJECT|MESH", help="A scan, a project, or a closed surface mesh.")
+    ],
+    voxel_size: inputs.VoxelSizeOption = None,
+    n: Annotated[int, typer.Option("-n", "--control-points", help="Control points of each avatar.")] = 40,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Project file; a project is saved in place by default."
+        ),
+    ] = None,
+    method: Annotated[
+        str, typer.Option("--method", help="'fast', or 'paper' for its algorithms to the letter.")
+    ] = "fast",
+    seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", help="Processes at work; as many as there are cores by default."),
+    ] = None,
+    grains: Annotated[
+        str | None, typer.Option("--grains", metavar="3,5,9", help="Fit only these labels (1-20 is a range).")
+    ] = None,
+    limit: Annotated[int | None, typer.Option("--limit", help="Fit only so many grains.")] = None,
+    refit: Annotated[
+        bool, typer.Option("--refit", help="Fit grains anew that have an avatar already.")
+    ] = False,
+    labels: inputs.LabelsOption = None,
+    splitting: inputs.SplittingOption = None,
+    smallest: inputs.SmallestOption = None,
+    threshold: inputs.ThresholdOption = None,
+    unit: inputs.UnitOption = None,
+    resolution: Annotated[
+        int, typer.Option("--resolution", help="Voxels along a mesh's longest edge.")
+    ] = 120,
+    scan: inputs.ScanOption = None,
+    embed_scan: Annotated[
+        bool, typer.Option("--embed-scan", help="Keep the scan's voxels in the project.")
+    ] = False,
+    shape: inputs.ShapeOption = None,
+    dtype: inputs.DtypeOption = None,
+    header_bytes: inputs.HeaderOption = 0,
+    big_endian: inputs.EndianOption = False,
+    as_json: inputs.JsonOption = False,
+) -> None:
+    """Fit avatars to all grains that the border does not cut, and save the project.
+
+    Grains are found first where the project or scan has none yet. When interrupted, the
+    project is saved with the avatars there are; the same command then goes on with the rest.
+    """
+    from mbstudio.core.grains import Grain
+    from mbstudio.core.project import FitSettings, Project
+
+    begun = time.monotonic()
+    output = _choose_output(source, output)
+    settings = inputs.segmentation_options(splitting, smallest, threshold)
+    if inputs.is_mesh(source):
+        project = Project.new()
+        grain_set = inputs.grains_of_mesh(Grain.from_mesh(source, resolution=resolution, unit=unit))
+        project.change("Load mesh", grains=grain_set)
+    elif inputs.is_project(source):
+        project = Project.open(source)
+        if scan is not None:
+            project.relocate_scan(scan)
+    else:
+        opened = inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian)
+        project = Project.new(opened, embed_scan=embed_scan)
+    if project.grains is None or labels is not None or settings:
+        inputs.find_grains(project, labels, settings)
+    assert project.grains is not None
+    project.change("Fit settings", fit_settings=FitSettings(n, method, seed))  # type: ignore[arg-type]
+
+    chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
+    outcome = fit_into(project, chosen, workers)
+    project.save(output, embed_scan=True if embed_scan else None)
+
+    summary = summarise(project.grains, outcome.fits, outcome.failures, time.monotonic() - begun)
+    summary["project"] = str(output)
+    if as_json:
+        console.print_json({**summary, "failures": outcome.failures, "interrupted": outcome.interrupted})
+    else:
+        console.print_facts(f"Avatars of {source.name}", summary)
+    for label, reason in list(outcome.failures.items())[:5]:
+        console.tell(f"mbstudio: grain {label} has no avatar: {reason}")
+    if outcome.interrupted:
+        left = len(chosen) - len(outcome.fits) - len(outcome.failures)
+        console.tell(f"mbstudio: interrupted with {left} grains to go: fit {output} to go on.")
+        raise typer.Exit(INTERRUPTED)
+    if chosen and not outcome.fits:
+        raise FitError(
+            f"None of the {len(chosen)} grains of {source} could be fitted: see the reasons above."
+        )
+
+
+class Outcome:
+    """What came of fitting: avatars and failures by label, and whether it was cut short."""
+
+    def __init__(self) -> None:
+        self.fits: dict[int, FitResult] = {}
+        self.failures: dict[int, str] = {}
+        self.interrupted = False
+
+
+def _choose_output(source: Path, output: Path | None) -> Path:
+    if not source.exists():
+        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+    if output is not None:
+        return inputs.require_project_output(output)
+    if inputs.is_project(source):
+        return source
+    output = Path(source.name).with_suffix(inputs.PROJECT_ENDING)
+    if output.exists():
+        raise MbstudioError(f"{output} is there already: say with -o where to save the project.")
+    return inputs.require_project_output(output)
+
+
+def choose_labels(project: Project, wanted: list[int] | None, limit: int | None, refit: bool) -> list[int]:
+    """Return the labels to fit: all interior grains without an avatar unless told otherwise."""
+    assert project.grains is not None
+    if limit is not None and limit < 1:
+        raise FitError(f"--limit {limit} leaves no grain to fit: give at least 1.")
+    if wanted is None:
+        labels = project.grains.interior_labels
+    else:
+        known = {int(label) for label in project.grains.table["label"]}
+        unknown = [label for label in wanted if label not in known]
+        if unknown:
+            raise FitError(f"There is no grain {unknown[0]}: the labels are {min(known)} to {max(known)}.")
+        labels = wanted
+    settings = project.state.fit_settings
+    if not refit:
+        labels = [
+            label
+            for label in labels
+            if label not in project.fits or not _is_as_asked(project.fits[label], label, settings)
+        ]
+    return labels[:limit]
+
+
+def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
+    from mbstudio.core.batch.fit_many import grain_seed
+
+    # The window fits single grains with the seed itself, a batch with one made of it.
+    seeds = (settings.seed, grain_seed(settings.seed, label))
+    return done.n == settings.n and done.method == settings.method and done.seed in seeds
+
+
+def fit_into(project: Project, labels: list[int], workers: int | None = None) -> Outcome:
+    """Fit grains and add their avatars to the project, also when interrupted."""
+    from mbstudio.core.batch import fit_many
+
+    outcome = Outcome()
+    settings = project.state.fit_settings
+    assert project.grains is not None
+    items: Any = fit_many(
+        project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers
+    )
+    with console.progress("Fitting") as report, _terminate_as_interrupt():
+        try:
+            for done, item in enumerate(items, start=1):
+                if item.result is not None:
+                    outcome.fits[item.label] = item.result
+                else:
+                    outcome.failures[item.label] = item.error or "for an unknown reason"
+                report(done / len(labels), f"{done} of {len(labels)} grains")
+        except KeyboardInterrupt:
+            outcome.interrupted = True
+        finally:
+            items.close()
+    if outcome.fits:
+        project.add_fits({label: outcome.fits[label] for label in sorted(outcome.fits)})
+    return outcome
+
+
+@contextmanager
+def _terminate_as_interrupt() -> Iterator[None]:
+    """Let the signal that batch systems send before they kill a job stop it as Ctrl-C does."""
+
+    def stop(_number: int, _frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def summarise(
+    grains: GrainSet, fits: dict[int, FitResult], failures: dict[int, str], seconds: float
+) -> dict[str, Any]:
+    """Return the figures of a batch: how many, how true, how long."""
+    import numpy as np
+
+    volume_of = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
+    diameters = [np.cbrt(6 / np.pi * volume_of[label]) for label in fits]
+    verdicts = [result.verdict for result in fits.values()]
+    rms = [verdict.rms / diameter for verdict, diameter in zip(verdicts, diameters, strict=True)]
+    return {
+        "grains": len(grains),
+        "interior": len(grains.interior_labels),
+        "fitted": len(fits),
+        "failed": len(failures),
+        "valid": sum(verdict.valid for verdict in verdicts),
+        "not_one_piece": sum(verdict.pieces != 1 for verdict in verdicts),
+        "with_voids": sum(verdict.voids > 0 for verdict in verdicts),
+        "median_volume_error_percent": _median([100 * abs(verdict.volume_error) for verdict in verdicts]),
+        "median_rms_percent_of_dn": _median([100 * ratio for ratio in rms]),
+        "seconds": round(seconds, 1),
+    }
+
+
+def _median(values: list[float]) -> float | None:
+    import numpy as np
+
+    return float(np.median(values)) if values else None

@@ -1,0 +1,84 @@
+"""``mbstudio segment``: the grains of a scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mbstudio.cli import console, inputs
+from mbstudio.core.errors import MbstudioError
+
+
+def segment(
+    source: Annotated[Path, typer.Argument(metavar="SCAN|PROJECT", help="A scan, or a project with one.")],
+    voxel_size: inputs.VoxelSizeOption = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Save the project here.")
+    ] = None,
+    write_labels: Annotated[
+        Path | None, typer.Option("--write-labels", metavar="FILE", help="Also write the label image (TIFF).")
+    ] = None,
+    labels: inputs.LabelsOption = None,
+    splitting: inputs.SplittingOption = None,
+    smallest: inputs.SmallestOption = None,
+    threshold: inputs.ThresholdOption = None,
+    scan: inputs.ScanOption = None,
+    shape: inputs.ShapeOption = None,
+    dtype: inputs.DtypeOption = None,
+    header_bytes: inputs.HeaderOption = 0,
+    big_endian: inputs.EndianOption = False,
+    as_json: inputs.JsonOption = False,
+) -> None:
+    """Find the grains of a scan."""
+    from mbstudio.core.project import Project
+
+    if output is not None:
+        inputs.require_project_output(output)
+    if inputs.is_project(source):
+        project = Project.open(source)
+        if scan is not None:
+            project.relocate_scan(scan)
+    else:
+        project = Project.new(
+            inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian)
+        )
+    grains = inputs.find_grains(project, labels, inputs.segmentation_options(splitting, smallest, threshold))
+    result = describe_grains(grains)
+    if write_labels is not None:
+        _write_label_image(write_labels, grains.labels, source)
+        result["labels"] = str(write_labels)
+    if output is not None:
+        result["project"] = str(project.save(output))
+    if as_json:
+        console.print_json(result)
+    else:
+        console.print_facts(f"Grains of {source.name}", result)
+
+
+def describe_grains(grains: Any) -> dict[str, Any]:
+    """Return how many grains there are, and how large."""
+    import numpy as np
+
+    diameters = np.cbrt(6 / np.pi * grains.table["volume"].to_numpy())
+    return {
+        "grains": len(grains),
+        "interior": len(grains.interior_labels),
+        "solid_fraction": float(np.count_nonzero(grains.labels) / grains.labels.size),
+        "median_dn": float(np.median(diameters)) if len(grains) else None,
+        "unit": grains.unit,
+    }
+
+
+def _write_label_image(path: Path, labels: Any, source: Path) -> None:
+    import numpy as np
+    import tifffile
+
+    from mbstudio.core.project.replacement import replacing
+
+    if path.resolve() == source.resolve():
+        raise MbstudioError(f"{path} is the scan itself: give the label image another name.")
+    kind = np.uint16 if labels.max() < 2**16 else np.uint32
+    with replacing(path) as temporary:
+        tifffile.imwrite(temporary, labels.astype(kind), compression="zlib", photometric="minisblack")
