@@ -61,37 +61,53 @@ def render_tour(project: Project, folder: Path) -> list[Path]:
     if project.fits:
         avatars = project.avatars
         drawn.append(("avatars", lambda scene: scene.set_avatars(avatars_surface(avatars), avatars[0].unit)))
-        if grains is not None:
-            drawn.append(
-                ("grain_and_avatar", lambda scene: show_pair(scene, project, typical_label(project)))
-            )
-    return [_render(folder / f"{name}.png", draw) for name, draw in drawn]
+    written = [_save(folder / f"{name}.png", _render(draw)) for name, draw in drawn]
+    if project.fits and grains is not None:
+        written.append(_save(folder / "grain_and_avatar.png", render_pair(project, typical_label(project))))
+    return written
 
 
 def typical_label(project: Project) -> int:
-    """Return the fitted grain whose avatar is about as true as half of them are."""
-    by_rms = sorted(project.fits, key=lambda label: project.fits[label].verdict.rms)
+    """Return the fitted grain whose avatar is about as true, for its size, as half of them are."""
+    assert project.grains is not None
+    diameters = {label: project.grains.grain(label).nominal_diameter for label in project.fits}
+    by_rms = sorted(project.fits, key=lambda label: project.fits[label].verdict.rms / diameters[label])
     return by_rms[len(by_rms) // 2]
 
 
-def show_pair(scene: Scene, project: Project, label: int) -> None:
-    """Show one grain, translucent, over its avatar and its control points."""
+def render_pair(project: Project, label: int) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a grain, and beside it its avatar with the control points shining through."""
     assert project.grains is not None
     grain, avatar = project.grains.grain(label), project.fits[label].avatar
-    scene.set_grain(grain_surface(grain), grain.unit)
-    scene.set_avatar(avatar_surface(avatar), avatar.unit)
-    scene.set_points(control_points(avatar))
+
+    def draw_grain(scene: Scene) -> None:
+        scene.set_grain(grain_surface(grain), grain.unit)
+        scene.set_opacity("grain", 1.0)
+
+    def draw_avatar(scene: Scene) -> None:
+        scene.set_avatar(avatar_surface(avatar), avatar.unit)
+        scene.set_points(control_points(avatar))
+        scene.set_opacity("avatar", 0.5)
+
+    half = (SIZE[0] // 2, SIZE[1])
+    pair = [_render(draw, half) for draw in (draw_grain, draw_avatar)]
+    for image, name in zip(pair, ("grain", "avatar"), strict=True):
+        require_picture(image, name)
+    return np.concatenate(pair, axis=1)
 
 
-def _render(path: Path, draw: Callable[[Scene], None]) -> Path:
-    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+def _render(draw: Callable[[Scene], None], size: tuple[int, int] = SIZE) -> UInt8[np.ndarray, "h w 3"]:
+    plotter = pv.Plotter(off_screen=True, window_size=list(size))
     try:
         scene = Scene(plotter)
         draw(scene)
         scene.look_from("isometric")
-        image = scene.screenshot()
+        return scene.screenshot()
     finally:
         plotter.close()
+
+
+def _save(path: Path, image: UInt8[np.ndarray, "h w 3"]) -> Path:
     require_picture(image, path.name)
     Image.fromarray(image).save(path)
     return path

@@ -58,11 +58,12 @@ DARK = SceneTheme(
     axes=("#e08a6c", "#5cc29b", "#6ea6e6"),
 )
 
-# Paul Tol's "muted" and "light" schemes, interleaved so that neighbours in number differ much.
+# Mineral tones that differ in lightness as well as in hue, so that neighbours stay apart for
+# colour-blind eyes and in grey print.
 _LABEL_COLOURS = (
-    "#88ccee", "#cc6677", "#ddcc77", "#117733", "#332288", "#aa4499", "#44aa99", "#999933",
-    "#882255", "#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#99ddff", "#44bb99", "#bbcc33",
-    "#aaaa00", "#6f8fbf",
+    "#8fb8de", "#c9705c", "#e2c878", "#5c9a7c", "#7d74b8", "#d9a3c6", "#7cc0b8", "#a8a34e",
+    "#9c5572", "#5f83bd", "#e5a36c", "#f0e2b0", "#ecbcc0", "#bcdcec", "#4f8f88", "#cfd08a",
+    "#b98a5e",
 )  # fmt: skip
 
 

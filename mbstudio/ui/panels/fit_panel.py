@@ -1,0 +1,198 @@
+"""Station Fit: one grain and its avatar, or all of them."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QSpinBox, QToolButton, QWidget
+
+from mbstudio.core.imaging import FitResult
+from mbstudio.core.metrics import ShapeFactors
+from mbstudio.core.units import unit_label
+from mbstudio.ui.icons import Icons
+from mbstudio.ui.panels.panel import Panel
+from mbstudio.ui.widgets.factors_table import FactorsTable
+from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, row, set_badge
+from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.workspace import Workspace
+
+
+class FitPanel(Panel):
+    """Settings of the fit, its buttons, and what came of it.
+
+    Attributes
+    ----------
+    opacity_changed : signal (str, float)
+        Layer (grain, avatar) and opacity.
+    step_asked : signal (int)
+        Go to the grain so many rows further in the table.
+    """
+
+    opacity_changed = Signal(str, float)
+    step_asked = Signal(int)
+
+    def __init__(self, workspace: Workspace, work: FitWork, icons: Icons) -> None:
+        super().__init__("Fit", "A grain becomes an avatar: the surface f = 1 of n control points.")
+        self._workspace, self._work, self._icons = workspace, work, icons
+        self._name = label("No grain chosen", "figure")
+        self._facts = label("", "hint", wrap=True)
+        self.before, self.after = QToolButton(), QToolButton()
+        for button, icon, words in (
+            (self.before, "ph.caret-left", "Previous grain"),
+            (self.after, "ph.caret-right", "Next grain"),
+        ):
+            icons.set(button, icon)
+            button.setToolTip(words)
+            button.setAccessibleName(words)
+        head = QHBoxLayout()
+        head.addWidget(self._name, 1)
+        head.addWidget(self.before)
+        head.addWidget(self.after)
+        self.body.addLayout(head)
+        self.add(self._facts)
+
+        self.n = QSpinBox()
+        self.n.setRange(1, 1000)
+        self.n.setMinimumWidth(96)
+        self.method = QComboBox()
+        self.method.addItem("Fast", "fast")
+        self.method.addItem("As in the paper", "paper")
+        self.seed = QSpinBox()
+        self.seed.setRange(0, 2**31 - 1)
+        self.seed.setMinimumWidth(96)
+        self.add_heading("Avatar")
+        self.add(
+            row("Control points n", self.n, "More points follow edges better and take longer"),
+            row(
+                "Method",
+                self.method,
+                "Fast: Levenberg–Marquardt. As in the paper: Algorithms 1 and 2 to the letter",
+            ),
+            row("Seed", self.seed, "The same seed gives the same avatar"),
+        )
+        self._result_heading = label("Result", "heading")
+        self.verdict = badge()
+        line = QHBoxLayout()
+        line.setContentsMargins(0, 8, 0, 0)
+        line.addWidget(self._result_heading, 1)
+        line.addWidget(self.verdict)
+        self.body.addLayout(line)
+        self._reasons = label("", "hint", wrap=True)
+        self.factors = FactorsTable()
+        self.add(self._reasons, self.factors)
+        self.grain_opacity = NumberSlider(
+            "Grain", 0, 1, 0.45, 0.01, "{:.0%}", "Opacity of the grain's surface"
+        )
+        self.avatar_opacity = NumberSlider(
+            "Avatar", 0, 1, 1.0, 0.01, "{:.0%}", "Opacity of the avatar's surface"
+        )
+        self.points = QCheckBox("Control points")
+        self.points.setToolTip("Small spheres at the control points; lower the avatar's opacity to see them")
+        self.add_heading("Opacity")
+        self.add(self.grain_opacity, self.avatar_opacity, self.points)
+        self.body.addStretch(1)
+
+        self.fit_button = primary_button("Fit grain")
+        self.pause_button, self.stop_button = QPushButton("Pause"), QPushButton("Stop and keep")
+        self.stop_button.setToolTip("End the search and keep the avatar as it stands")
+        self.more = QSpinBox()
+        self.more.setRange(1, 10_000)
+        self.more.setValue(30)
+        self.more.setSuffix(" generations")
+        self.more.setAccessibleName("How many more generations")
+        self.more_button = QPushButton("Go on")
+        self.more_button.setToolTip("Let the search go on from here, with n as set above")
+        self.all_button = QPushButton("Fit all grains")
+        self._running, self._going_on = QWidget(), QWidget()
+        for holder, widgets in (
+            (self._running, (self.pause_button, self.stop_button)),
+            (self._going_on, (self.more, self.more_button)),
+        ):
+            layout = QHBoxLayout(holder)
+            layout.setContentsMargins(0, 0, 0, 0)
+            layout.setSpacing(8)
+            for widget in widgets:
+                layout.addWidget(widget, 1)
+        for widget in (self.fit_button, self._running, self._going_on, self.all_button):
+            self.foot.addWidget(widget)
+        self._connect()
+        self.refresh()
+
+    def _connect(self) -> None:
+        change = self._workspace.change_fit_settings
+        self.n.valueChanged.connect(lambda value: change(n=value))
+        self.n.valueChanged.connect(self._work.change_n)
+        self.method.currentIndexChanged.connect(lambda _: change(method=self.method.currentData()))
+        self.seed.valueChanged.connect(lambda value: change(seed=value))
+        self.pause_button.clicked.connect(self._work.pause)
+        self.stop_button.clicked.connect(self._work.stop)
+        self.more_button.clicked.connect(lambda: self._work.go_on(self.more.value(), self.n.value()))
+        self.grain_opacity.value_changed.connect(lambda value: self.opacity_changed.emit("grain", value))
+        self.avatar_opacity.value_changed.connect(lambda value: self.opacity_changed.emit("avatar", value))
+        self.before.clicked.connect(lambda: self.step_asked.emit(-1))
+        self.after.clicked.connect(lambda: self.step_asked.emit(1))
+        for signal in (
+            self._workspace.selection_changed,
+            self._workspace.grains_changed,
+            self._workspace.fits_changed,
+            self._workspace.settings_changed,
+            self._work.changed,
+        ):
+            signal.connect(self.refresh)
+
+    def refresh(self) -> None:
+        """Show the chosen grain, its fit, and what can be done now."""
+        state, label_ = self._workspace.state, self._workspace.selected
+        grains = state.grains
+        for field, value in ((self.n, state.fit_settings.n), (self.seed, state.fit_settings.seed)):
+            field.blockSignals(True)
+            field.setValue(value)
+            field.blockSignals(False)
+        self.method.blockSignals(True)
+        self.method.setCurrentIndex(self.method.findData(state.fit_settings.method))
+        self.method.blockSignals(False)
+        if grains is None:
+            self._name.setText("No grains yet")
+            self._facts.setText("Find the grains first (station Grains).")
+        elif label_ is None:
+            self._name.setText("No grain chosen")
+            self._facts.setText("Click a grain in the view or a row of the table.")
+        else:
+            table = grains.table
+            line = table.loc[table["label"] == label_].iloc[0]
+            diameter = (6 * float(line["volume"]) / 3.141592653589793) ** (1 / 3)
+            self._name.setText(f"Grain {label_}")
+            edge = (
+                ". The edge of the scan cuts it: its true shape is unknown" if line["touches_border"] else ""
+            )
+            self._facts.setText(
+                f"D_n {diameter:.4g} {unit_label(grains.unit)} · {int(line['voxels']):,} voxels{edge}"
+            )
+        running = self._work.is_running
+        self.fit_button.setVisible(not running)
+        again = label_ is not None and label_ in state.fits
+        self.fit_button.setText("Fit grain again" if again else "Fit grain")
+        self._running.setVisible(running)
+        self.pause_button.setText("Resume" if self._work.is_paused else "Pause")
+        self._going_on.setVisible(self._work.can_go_on(label_))
+        left = len(self._work.unfitted())
+        self.all_button.setText(f"Fit all {left} grains without avatar" if left else "Fit all grains")
+        self._show_result(state.fits.get(label_) if label_ is not None else None)
+
+    def _show_result(self, fit: FitResult | None) -> None:
+        if fit is None:
+            running = self._work.is_running and self._work.running_label == self._workspace.selected
+            set_badge(self.verdict, "being fitted" if running else "not fitted", "quiet")
+            self._reasons.hide()
+            return
+        verdict = fit.verdict
+        set_badge(self.verdict, "valid" if verdict.valid else "not valid", "good" if verdict.valid else "bad")
+        unit = unit_label(fit.avatar.unit)
+        text = (
+            f"RMS distance {verdict.rms:.3g} {unit} · n = {fit.avatar.n} · {len(fit.history) - 1} generations"
+        )
+        self._reasons.setText("\n".join((*verdict.reasons, text)))
+        self._reasons.show()
+
+    def show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:
+        """Fill the table of factors."""
+        self.factors.show_factors(grain, avatar)

@@ -1,0 +1,132 @@
+"""An off-screen plotter painted as a picture: needs no OpenGL of the window system.
+
+It serves tests, remote desktops and machines whose graphics driver fails.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QImage, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
+from PySide6.QtWidgets import QWidget
+
+from mbstudio.ui.viewport.viewport import Viewport
+
+
+class SoftwareViewport(Viewport):
+    """Renders off screen, paints the picture and turns the camera by the mouse itself.
+
+    Left button turns, middle button or Shift and left moves, right button or wheel zooms: the
+    same as in the other implementation.
+    """
+
+    kind = "software"
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.plotter = pv.Plotter(off_screen=True, window_size=(640, 480))
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setAccessibleName("3-D view")
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        self._image: QImage | None = None
+        self._last: QPointF | None = None
+        self._begun = False
+        self._closed = False
+
+    def render_now(self) -> None:
+        if self._closed:
+            return
+        size = self._pixels()
+        if tuple(self.plotter.window_size) != size:
+            self.plotter.window_size = size
+        if not self._begun:
+            self._begun = True
+            self.plotter.show(auto_close=False, interactive=False)
+        self.plotter.renderer.ResetCameraClippingRange()
+        self.plotter.render()
+        pixels = np.ascontiguousarray(np.asarray(self.plotter.image)[..., :3])
+        height, width, _ = pixels.shape
+        image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+        image.setDevicePixelRatio(self.devicePixelRatioF())
+        self._image = image
+        self.update()
+
+    def close_viewport(self) -> None:
+        super().close_viewport()
+        self._closed = True
+        self.plotter.close()
+
+    def _pixels(self) -> tuple[int, int]:
+        ratio = self.devicePixelRatioF()
+        return max(16, round(self.width() * ratio)), max(16, round(self.height() * ratio))
+
+    # ---- events of the widget ------------------------------------------------------------------
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        if self._image is None:
+            painter.fillRect(self.rect(), self.palette().window())
+        else:
+            painter.drawImage(self.rect(), self._image)
+        painter.end()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.request_render()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        self._last = event.position()
+        self.watch_clicks(event)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        self._last = None
+        self.watch_clicks(event)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        if self._last is None:
+            return
+        moved = event.position() - self._last
+        self._last = event.position()
+        buttons = event.buttons()
+        shifted = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
+        if buttons & Qt.MouseButton.MiddleButton or (buttons & Qt.MouseButton.LeftButton and shifted):
+            self.pan(moved.x(), moved.y())
+        elif buttons & Qt.MouseButton.LeftButton:
+            self.rotate(moved.x(), moved.y())
+        elif buttons & Qt.MouseButton.RightButton:
+            self.zoom(1.01 ** (-moved.y()))
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        self.zoom(1.1 ** (event.angleDelta().y() / 120))
+        event.accept()
+
+    # ---- the camera ----------------------------------------------------------------------------
+
+    def rotate(self, right: float, down: float) -> None:
+        """Turn the camera around what it looks at, by a drag of so many pixels."""
+        camera = self.plotter.renderer.camera
+        camera.Azimuth(-right * 180 / max(self.width(), 1))
+        camera.Elevation(down * 180 / max(self.height(), 1))
+        camera.OrthogonalizeViewUp()
+        self.request_render()
+
+    def pan(self, right: float, down: float) -> None:
+        """Move the picture by so many pixels."""
+        camera = self.plotter.renderer.camera
+        per_pixel = 2 * camera.GetParallelScale() / max(self.height(), 1)
+        focal, position, up = (
+            np.array(value) for value in (camera.GetFocalPoint(), camera.GetPosition(), camera.GetViewUp())
+        )
+        across = np.cross(focal - position, up)
+        across /= np.linalg.norm(across) or 1.0
+        shift = (-right * across + down * up) * per_pixel
+        camera.SetFocalPoint(*(focal + shift))
+        camera.SetPosition(*(position + shift))
+        self.request_render()
+
+    def zoom(self, factor: float) -> None:
+        """Show things `factor` times as large."""
+        camera = self.plotter.renderer.camera
+        camera.SetParallelScale(camera.GetParallelScale() / factor)
+        self.request_render()

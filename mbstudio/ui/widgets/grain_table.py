@@ -1,0 +1,215 @@
+"""The table of grains: one row a grain, with its fit if it has one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QItemSelectionModel,
+    QModelIndex,
+    QPersistentModelIndex,
+    QSortFilterProxyModel,
+    Qt,
+    Signal,
+)
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
+
+from mbstudio.core.grains import GrainSet
+from mbstudio.core.imaging.steps import FitResult
+from mbstudio.core.units import unit_label
+
+Index = QModelIndex | QPersistentModelIndex
+SORT_ROLE = Qt.ItemDataRole.UserRole
+
+COLUMNS = ("Grain", "Volume", "D_n", "Touches border", "Avatar", "RMS distance", "Verdict")
+_TIPS = (
+    "Label of the grain in the label volume",
+    "Volume V, by counting voxels",
+    "Nominal diameter D_n = (6V/π)^(1/3): that of the sphere of the same volume",
+    "Whether the edge of the scan cuts the grain, so that its true shape is unknown",
+    "Number of control points of its avatar",
+    "Root mean square distance between the surfaces of grain and avatar",
+    "Whether the avatar is one piece without voids that keeps the volume within 5 %",
+)
+
+
+class GrainTableModel(QAbstractTableModel):
+    """The pandas table of a grain set and the fits, as Qt wants them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._unit = "um"
+        self._columns: dict[str, np.ndarray] = {}
+        self._labels = np.zeros(0, dtype=int)
+        self._fits: Mapping[int, FitResult] = {}
+
+    # ---- content -------------------------------------------------------------------------------
+
+    def set_grains(self, grains: GrainSet | None) -> None:
+        """Show another set of grains."""
+        self.beginResetModel()
+        if grains is None:
+            self._labels, self._columns = np.zeros(0, dtype=int), {}
+        else:
+            table = grains.table
+            volume = table["volume"].to_numpy(float)
+            self._unit = grains.unit
+            self._labels = table["label"].to_numpy(int)
+            self._columns = {
+                "volume": volume,
+                "dn": np.cbrt(6 * volume / np.pi),
+                "border": table["touches_border"].to_numpy(bool),
+            }
+        self.endResetModel()
+
+    def set_fits(self, fits: Mapping[int, FitResult]) -> None:
+        """Show other fits of the same grains."""
+        self._fits = fits
+        if len(self._labels):
+            self.dataChanged.emit(self.index(0, 4), self.index(len(self._labels) - 1, len(COLUMNS) - 1))
+
+    def label(self, row: int) -> int:
+        """Return the label of the grain in a row."""
+        return int(self._labels[row])
+
+    def row(self, label: int) -> int | None:
+        """Return the row of a label, or None."""
+        rows = np.flatnonzero(self._labels == label)
+        return int(rows[0]) if len(rows) else None
+
+    # ---- Qt's questions --------------------------------------------------------------------------
+
+    def rowCount(self, parent: Index | None = None) -> int:
+        return 0 if parent is not None and parent.isValid() else len(self._labels)
+
+    def columnCount(self, parent: Index | None = None) -> int:
+        return 0 if parent is not None and parent.isValid() else len(COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
+        if orientation != Qt.Orientation.Horizontal:
+            return None
+        if role == Qt.ItemDataRole.DisplayRole:
+            unit = unit_label(self._unit)
+            return {1: f"V [{unit}³]", 2: f"D_n [{unit}]", 5: f"RMS [{unit}]"}.get(section, COLUMNS[section])
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return _TIPS[section]
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            return self._alignment(section)
+        return None
+
+    def data(self, index: Index, role: int = 0) -> Any:
+        if not index.isValid():
+            return None
+        row, column = index.row(), index.column()
+        if role == Qt.ItemDataRole.DisplayRole:
+            return self._text(row, column)
+        if role == SORT_ROLE:
+            return self._value(row, column)
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            return self._alignment(column)
+        if role == Qt.ItemDataRole.ToolTipRole and column == 6:
+            fit = self._fits.get(self.label(row))
+            return "\n".join(fit.verdict.reasons) if fit and fit.verdict.reasons else None
+        return None
+
+    @staticmethod
+    def _alignment(column: int) -> Qt.AlignmentFlag:
+        side = Qt.AlignmentFlag.AlignLeft if column in (3, 6) else Qt.AlignmentFlag.AlignRight
+        return side | Qt.AlignmentFlag.AlignVCenter
+
+    def _value(self, row: int, column: int) -> float | str:
+        fit = self._fits.get(self.label(row))
+        if column == 0:
+            return self.label(row)
+        if column in (1, 2, 3):
+            return float(self._columns[("volume", "dn", "border")[column - 1]][row])
+        if fit is None:
+            return float("inf") if column == 5 else -1.0
+        return (float(fit.avatar.n), fit.verdict.rms, float(fit.verdict.valid))[column - 4]
+
+    def _text(self, row: int, column: int) -> str:
+        fit = self._fits.get(self.label(row))
+        if column == 0:
+            return str(self.label(row))
+        if column == 1:
+            return f"{self._columns['volume'][row]:.4g}"
+        if column == 2:
+            return f"{self._columns['dn'][row]:.1f}"
+        if column == 3:
+            return "cut by the edge" if self._columns["border"][row] else "inside"
+        if fit is None:
+            return "–"
+        return (
+            f"n = {fit.avatar.n}",
+            f"{fit.verdict.rms:.3g}",
+            "valid" if fit.verdict.valid else "not valid",
+        )[column - 4]
+
+
+class GrainTable(QTableView):
+    """The table with sorting; tells the label of the row that is chosen."""
+
+    chosen = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.content = GrainTableModel()
+        self._sorted = QSortFilterProxyModel(self)
+        self._sorted.setSourceModel(self.content)
+        self._sorted.setSortRole(SORT_ROLE)
+        self.setModel(self._sorted)
+        self.setAccessibleName("Grains")
+        self.setSortingEnabled(True)
+        self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setAlternatingRowColors(True)
+        self.setShowGrid(False)
+        self.setMouseTracking(True)
+        self.setTabKeyNavigation(False)
+        self.setWordWrap(False)
+        self.verticalHeader().hide()
+        self.verticalHeader().setDefaultSectionSize(27)
+        header = self.horizontalHeader()
+        header.setHighlightSections(False)
+        header.setMinimumSectionSize(64)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
+        self.setColumnWidth(0, 72)
+        self.selectionModel().currentRowChanged.connect(self._row_chosen)
+        self._quiet = False
+
+    def select_label(self, label: int | None) -> None:
+        """Choose the row of a label without telling it."""
+        row = None if label is None else self.content.row(label)
+        self._quiet = True
+        try:
+            if row is None:
+                self.clearSelection()
+                self.setCurrentIndex(QModelIndex())
+            else:
+                index = self._sorted.mapFromSource(self.content.index(row, 0))
+                self.selectionModel().setCurrentIndex(
+                    index,
+                    QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows,
+                )
+                self.scrollTo(index)
+        finally:
+            self._quiet = False
+
+    def labels_in_order(self) -> list[int]:
+        """Return the labels as they stand in the table."""
+        return [
+            self.content.label(self._sorted.mapToSource(self._sorted.index(row, 0)).row())
+            for row in range(self._sorted.rowCount())
+        ]
+
+    def _row_chosen(self, current: QModelIndex) -> None:
+        if not self._quiet:
+            chosen = (
+                self.content.label(self._sorted.mapToSource(current).row()) if current.isValid() else None
+            )
+            self.chosen.emit(chosen)

@@ -1,0 +1,92 @@
+"""Messages above the view: what happened, why, and what to do. Never a dialog."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton
+
+from mbstudio.ui.icons import Icons
+
+Level = Literal["info", "success", "warning", "error"]
+_ICONS = {
+    "info": ("ph.info", "info"),
+    "success": ("ph.check-circle", "success"),
+    "warning": ("ph.warning", "warning"),
+    "error": ("ph.warning-octagon", "danger"),
+}
+GOOD_NEWS = 8_000  # milliseconds until info and success go by themselves
+
+
+class MessageBar(QFrame):
+    """One line at a time; warnings and errors stay until they are closed or replaced."""
+
+    shown = Signal(str, str)
+
+    def __init__(self, icons: Icons) -> None:
+        super().__init__()
+        self.setObjectName("message")
+        self._icons = icons
+        self.level: Level = "info"
+        self._picture = QLabel()
+        self._text = QLabel()
+        self._text.setWordWrap(True)
+        self._text.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._text.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        self._action = QPushButton()
+        self._action.setProperty("quiet", "true")
+        close = QToolButton()
+        icons.set(close, "ph.x")
+        close.setToolTip("Close this message (Esc)")
+        close.setAccessibleName("Close this message")
+        close.clicked.connect(self.dismiss)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 9, 10, 9)
+        layout.setSpacing(11)
+        layout.addWidget(self._picture, 0, Qt.AlignmentFlag.AlignTop)
+        layout.addWidget(self._text, 1)
+        layout.addWidget(self._action)
+        layout.addWidget(close, 0, Qt.AlignmentFlag.AlignTop)
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.timeout.connect(self.dismiss)
+        self._callback: object = None
+        self._action.clicked.connect(self._act)
+        self.hide()
+
+    @property
+    def text(self) -> str:
+        """The message that is shown, or empty."""
+        return self._text.text() if not self.isHidden() else ""
+
+    def say(self, level: Level, text: str, action: str = "", callback: object = None) -> None:
+        """Show a message, with a button that calls `callback` if `action` names one."""
+        self.level = level
+        self.setProperty("level", level)
+        self.style().unpolish(self)
+        self.style().polish(self)
+        name, colour = _ICONS[level]
+        self._picture.setPixmap(self._icons.pixmap(name, 19, colour))
+        self._text.setText(text)
+        self._action.setText(action)
+        self._action.setVisible(bool(action))
+        self._callback = callback
+        self.setAccessibleName(f"{level}: {text}")
+        self.show()
+        if level in ("info", "success"):
+            self._timer.start(GOOD_NEWS)
+        else:
+            self._timer.stop()
+        self.shown.emit(level, text)
+
+    def dismiss(self) -> None:
+        """Take the message away."""
+        self._timer.stop()
+        self.hide()
+
+    def _act(self) -> None:
+        callback = self._callback
+        self.dismiss()
+        if callable(callback):
+            callback()

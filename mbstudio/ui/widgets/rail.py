@@ -1,0 +1,45 @@
+"""The rail on the left: the stations in the order of the work."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtWidgets import QButtonGroup, QFrame, QToolButton, QVBoxLayout
+
+from mbstudio.ui.icons import Icons
+
+
+class Rail(QFrame):
+    """One button a station; exactly one is chosen."""
+
+    chosen = Signal(str)
+
+    def __init__(self, stations: list[tuple[str, str, str, str]], icons: Icons) -> None:
+        """`stations` are (id, title, icon, tip)."""
+        super().__init__()
+        self.setObjectName("rail")
+        self.setFixedWidth(78)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 10, 0, 10)
+        layout.setSpacing(4)
+        self._group = QButtonGroup(self)
+        self._buttons: dict[str, QToolButton] = {}
+        for name, title, icon, tip in stations:
+            button = QToolButton()
+            button.setObjectName("station")
+            button.setText(title)
+            button.setToolTip(tip)
+            button.setCheckable(True)
+            button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
+            button.setIconSize(QSize(25, 25))
+            button.setFixedSize(66, 62)
+            button.setCursor(Qt.CursorShape.PointingHandCursor)
+            icons.set(button, icon)
+            button.clicked.connect(lambda _checked=False, station=name: self.chosen.emit(station))
+            self._group.addButton(button)
+            self._buttons[name] = button
+            layout.addWidget(button, 0, Qt.AlignmentFlag.AlignHCenter)
+        layout.addStretch(1)
+
+    def show_chosen(self, station: str) -> None:
+        """Mark a station as the present one."""
+        self._buttons[station].setChecked(True)

@@ -1,0 +1,89 @@
+"""The running task in the status bar: what, how far, how long still, pause and cancel."""
+
+from __future__ import annotations
+
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QToolButton, QWidget
+
+from mbstudio.ui.icons import Icons
+from mbstudio.ui.workers import Report, Task, TaskQueue
+
+
+def readable_time(seconds: float) -> str:
+    """Return a duration in words: "12 s", "3 min", "1 h 20 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+class TaskStrip(QWidget):
+    """Shows the task of the lane ``work``; hidden while there is none."""
+
+    def __init__(self, queue: TaskQueue, icons: Icons) -> None:
+        super().__init__()
+        self._queue = queue
+        self._icons = icons
+        self._title = QLabel()
+        self._bar = QProgressBar()
+        self._bar.setTextVisible(False)
+        self._bar.setFixedWidth(170)
+        self._left = QLabel()
+        self._pause = QToolButton()
+        self._cancel = QToolButton()
+        icons.set(self._cancel, "ph.x")
+        self._cancel.setToolTip("Cancel")
+        self._cancel.setAccessibleName("Cancel the running task")
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(6, 0, 6, 0)
+        layout.setSpacing(6)
+        for widget in (self._title, self._bar, self._left, self._pause, self._cancel):
+            layout.addWidget(widget)
+        self._pause.clicked.connect(self._toggle_pause)
+        self._cancel.clicked.connect(self._cancel_task)
+        queue.started.connect(self._begin)
+        queue.changed.connect(self._refresh)
+        self.hide()
+
+    def _begin(self, task: Task) -> None:
+        if task is self._queue.running():
+            self._bar.setRange(0, 0)
+            self._left.setText("")
+            task.reported.connect(self._report)
+            self._refresh()
+
+    def _report(self, report: Report) -> None:
+        if report.fraction >= 0:
+            self._bar.setRange(0, 1000)
+            self._bar.setValue(round(1000 * report.fraction))
+        left = f"{readable_time(report.seconds_left)} left" if report.seconds_left is not None else ""
+        percent = f"{report.fraction:.0%}" if report.fraction >= 0 else ""
+        self._left.setText(" · ".join(part for part in (percent, left) if part))
+        if report.message:
+            self._bar.setToolTip(report.message)
+
+    def _refresh(self) -> None:
+        task = self._queue.running()
+        self.setVisible(task is not None)
+        if task is None:
+            return
+        waiting = self._queue.waiting()
+        paused = " (paused)" if task.is_paused else ""
+        self._title.setText(f"{task.title}{paused}" + (f" · {waiting} waiting" if waiting else ""))
+        self._pause.setVisible(task.can_pause)
+        self._icons.set(self._pause, "ph.play" if task.is_paused else "ph.pause")
+        self._pause.setToolTip("Resume" if task.is_paused else "Pause")
+        self._pause.setAccessibleName("Resume the task" if task.is_paused else "Pause the task")
+
+    def _toggle_pause(self) -> None:
+        task = self._queue.running()
+        if task is not None:
+            if task.is_paused:
+                task.resume()
+            else:
+                task.pause()
+            self._queue.changed.emit()
+
+    def _cancel_task(self) -> None:
+        task = self._queue.running()
+        if task is not None:
+            task.cancel()

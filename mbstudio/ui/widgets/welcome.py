@@ -1,0 +1,79 @@
+"""What the window shows before there is a scan: what to do first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from mbstudio.ui.icons import application_icon
+from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
+
+
+class Welcome(QFrame):
+    """The first page: open a scan, try the sample, or go on with a recent file."""
+
+    recent_chosen = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("welcomePage")
+        picture = QLabel()
+        picture.setPixmap(application_icon().pixmap(88, 88))
+        self.open_button = primary_button("Open a scan…")
+        self.sample_button = QPushButton("Try the sample")
+        self.project_button = QPushButton("Open a project…")
+        content = QWidget()
+        content.setMaximumWidth(560)
+        layout = QVBoxLayout(content)
+        layout.setSpacing(12)
+        layout.addWidget(picture)
+        layout.addSpacing(4)
+        layout.addWidget(label("From a CT scan to particles for DEM", "welcome", wrap=True))
+        layout.addWidget(
+            label(
+                "Open a stack of X-ray CT slices, find its grains, fit a metaball avatar to each, and hand them to "
+                "your DEM engine. You can also drop a file or a folder of slices anywhere onto this window.",
+                "subtitle",
+                wrap=True,
+            )
+        )
+        layout.addSpacing(8)
+        buttons = QHBoxLayout()
+        buttons.setSpacing(10)
+        for button in (self.open_button, self.sample_button, self.project_button):
+            buttons.addWidget(button)
+        buttons.addStretch(1)
+        layout.addLayout(buttons)
+        layout.addSpacing(14)
+        self._recent_heading = label("Recent", "heading")
+        layout.addWidget(self._recent_heading)
+        self._recent = QVBoxLayout()
+        self._recent.setSpacing(0)
+        layout.addLayout(self._recent)
+        outer = QHBoxLayout(self)
+        outer.setContentsMargins(40, 30, 40, 30)
+        outer.addStretch(1)
+        outer.addWidget(content, 4, Qt.AlignmentFlag.AlignVCenter)
+        outer.addStretch(1)
+
+    def show_recent(self, paths: list[Path]) -> None:
+        """List the files opened last."""
+        while self._recent.count():
+            item = self._recent.takeAt(0).widget()
+            if item is not None:
+                item.hide()
+                item.deleteLater()
+        self._recent_heading.setVisible(bool(paths))
+        for path in paths[:5]:
+            button = quiet_button(f"{path.name}   –   {path.parent}")
+            button.setToolTip(str(path))
+            button.clicked.connect(lambda _checked=False, chosen=path: self.recent_chosen.emit(chosen))
+            line = QHBoxLayout()
+            holder = QWidget()
+            holder.setLayout(line)
+            line.setContentsMargins(0, 0, 0, 0)
+            line.addWidget(button)
+            line.addStretch(1)
+            self._recent.addWidget(holder)

@@ -1,0 +1,1 @@
+"""What the stations do: each class starts the background work of one and keeps its results."""

@@ -1,0 +1,298 @@
+"""Fitting one grain, step by step before the eyes, or many in the background."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import pyvista as pv
+from PySide6.QtCore import QObject, Signal
+
+from mbstudio.core.batch import fit_many
+from mbstudio.core.grains import Grain
+from mbstudio.core.imaging import FitResult, start_fit
+from mbstudio.core.imaging.steps import FitRun, SearchStep
+from mbstudio.scene.surfaces import avatar_surface, control_points
+from mbstudio.ui.work.work import Work
+from mbstudio.ui.workers import Control, Report, Task, TaskQueue
+from mbstudio.ui.workspace import Workspace
+
+LIVE_CELLS = 36  # of the avatar's surface while the search runs
+
+
+@dataclass(frozen=True, eq=False)
+class LiveAvatar:
+    """The avatar as it stands, ready to be drawn."""
+
+    surface: pv.PolyData
+    points: pv.PolyData
+
+
+@dataclass(eq=False)
+class _Fitting:
+    """The fit of one grain, which can go on after it has ended."""
+
+    label: int
+    grain: Grain
+    n: int
+    run: FitRun | None = None
+    stop: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Finished:
+    result: FitResult
+
+
+class FitWork(Work):
+    """Runs fits.
+
+    Attributes
+    ----------
+    began : signal (int)
+        The fit of a grain begins anew: its curve is empty.
+    losses_arrived : signal (int, list)
+        Label, and the losses of the newest generations.
+    avatar_moved : signal (int, LiveAvatar)
+        The avatar as it stands.
+    changed : signal
+        Something runs, pauses or has ended.
+    """
+
+    began = Signal(int)
+    losses_arrived = Signal(int, object)
+    avatar_moved = Signal(int, object)
+    changed = Signal()
+
+    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+        super().__init__(workspace, queue, parent)
+        self._fitting: _Fitting | None = None
+        self._task: Task | None = None
+        workspace.grains_changed.connect(self._forget)
+        workspace.project_replaced.connect(self._forget)
+
+    # ---- what runs -----------------------------------------------------------------------------
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the fit of a single grain runs, waits or is paused."""
+        return self._task is not None and not self._task.is_over
+
+    @property
+    def is_paused(self) -> bool:
+        return self._task is not None and not self._task.is_over and self._task.is_paused
+
+    @property
+    def running_label(self) -> int | None:
+        """Label of the grain that is being fitted."""
+        return self._fitting.label if self._fitting is not None and self.is_running else None
+
+    def can_go_on(self, label: int | None) -> bool:
+        """Return whether the fit of this grain ended and can take more generations."""
+        fitting = self._fitting
+        return (
+            label is not None
+            and fitting is not None
+            and fitting.label == label
+            and fitting.run is not None
+            and not self.is_running
+            and label in self.workspace.state.fits
+        )
+
+    # ---- one grain -----------------------------------------------------------------------------
+
+    def fit(self, label: int) -> Task | None:
+        """Fit one grain with the project's settings."""
+        grains = self.workspace.state.grains
+        if grains is None or self.is_running:
+            return None
+        settings = self.workspace.state.fit_settings
+        fitting = _Fitting(label, grains.grain(label), settings.n)
+        self._fitting = fitting
+
+        def steps(control: Control) -> Iterator[SearchStep | _Finished]:
+            control.report(0.0, "Preparing the grain")
+            fitting.run = start_fit(fitting.grain, n=settings.n, method=settings.method, seed=settings.seed)
+            return _drive(fitting)
+
+        self.began.emit(label)
+        return self._start(f"Fitting grain {label}", steps, fitting)
+
+    def go_on(self, generations: int, n: int) -> Task | None:
+        """Let the last fit go on for more generations, with another number of control points if it differs."""
+        fitting = self._fitting
+        if fitting is None or fitting.run is None or self.is_running:
+            return None
+        run, fitting.stop = fitting.run, False
+
+        def steps(control: Control) -> Iterator[SearchStep | _Finished]:
+            if n != fitting.n:
+                run.change_control_points(n)
+                fitting.n = n
+            run.more_generations(generations)
+            return _drive(fitting)
+
+        return self._start(f"Fitting grain {fitting.label}", steps, fitting)
+
+    def change_n(self, n: int) -> None:
+        """Change the number of control points of the fit that runs, from its next step on."""
+        fitting, task = self._fitting, self._task
+        if not self.is_running or task is None or fitting is None or n == fitting.n:
+            return
+
+        def change() -> None:
+            if fitting.run is not None:
+                fitting.run.change_control_points(n)
+                fitting.n = n
+
+        task.call_between_steps(change)
+
+    def pause(self) -> None:
+        """Pause the fit, or go on if it is paused."""
+        if self._task is not None and not self._task.is_over:
+            if self._task.is_paused:
+                self._task.resume()
+            else:
+                self._task.pause()
+            self.changed.emit()
+            self.queue.changed.emit()
+
+    def stop(self) -> None:
+        """End the fit and keep the avatar as it stands."""
+        if self._fitting is not None and self._task is not None:
+            self._fitting.stop = True
+            self._task.resume()
+
+    def _start(self, title: str, steps: Any, fitting: _Fitting) -> Task:
+        task = Task(title, steps, prepare=_prepare, fraction=_fraction)
+        task.reported.connect(lambda report: self._report(fitting.label, report))
+        task.succeeded.connect(lambda last: self._take(fitting, last))
+        task.ended.connect(self.changed)
+        task.started.connect(self.changed)
+        self._task = task
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def _report(self, label: int, report: Report) -> None:
+        losses = [
+            step.loss for step in report.steps if isinstance(step, SearchStep) and step.phase == "search"
+        ]
+        if losses:
+            self.losses_arrived.emit(label, losses)
+        if report.view is not None:
+            self.avatar_moved.emit(label, report.view)
+
+    def _take(self, fitting: _Fitting, last: object) -> None:
+        if not isinstance(last, _Finished) or fitting is not self._fitting:
+            return
+        result = last.result
+        self.workspace.add_fits({fitting.label: result}, f"Fit grain {fitting.label}")
+        verdict = result.verdict
+        if verdict.valid:
+            self.said.emit(
+                "success",
+                f"Grain {fitting.label}: valid avatar of {result.avatar.n} control points, volume "
+                f"{100 * verdict.volume_error:+.2f} %.",
+            )
+        else:
+            self.said.emit("warning", f"Grain {fitting.label}: " + " ".join(verdict.reasons))
+
+    # ---- many grains ---------------------------------------------------------------------------
+
+    def unfitted(self) -> list[int]:
+        """Labels of the grains inside the scan that have no avatar yet."""
+        grains = self.workspace.state.grains
+        fits = self.workspace.state.fits
+        return [] if grains is None else [label for label in grains.interior_labels if label not in fits]
+
+    def fit_all(self, labels: list[int] | None = None) -> Task | None:
+        """Fit every grain inside the scan that has no avatar yet (or these), on all processors."""
+        grains = self.workspace.state.grains
+        wanted = self.unfitted() if labels is None else labels
+        if grains is None or not wanted:
+            return None
+        settings = self.workspace.state.fit_settings
+        arrived: list[Any] = []
+
+        def steps(control: Control) -> Iterator[tuple[int, Any]]:
+            control.report(0.0, "Starting processes")
+            items = fit_many(grains, wanted, n=settings.n, method=settings.method, seed=settings.seed)
+            return _count(items, arrived)
+
+        task = Task(
+            f"Fitting {len(wanted)} grains",
+            steps,
+            fraction=lambda step: (step[0] / len(wanted), f"{step[0]} of {len(wanted)} grains"),
+        )
+        # What has arrived is kept also when the rest is cancelled or fails.
+        task.ended.connect(lambda: self._take_many(grains, arrived))
+        task.ended.connect(self.changed)
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def _take_many(self, grains: object, items: list[Any]) -> None:
+        if not items or grains is not self.workspace.state.grains:
+            return
+        fits = {item.label: item.result for item in items if item.result is not None}
+        if fits:
+            self.workspace.add_fits(fits, f"Fit {len(fits)} grains")
+        failed = [item for item in items if item.result is None]
+        bad = [label for label, fit in fits.items() if not fit.verdict.valid]
+        text = f"{len(fits)} grains fitted, {len(fits) - len(bad)} of the avatars valid."
+        if bad:
+            text += f" Not valid: grain {_listed(bad)}. More control points usually cure it."
+        if failed:
+            text += f" {len(failed)} could not be fitted: grain {failed[0].label}: {failed[0].error}"
+        self.said.emit("warning" if bad or failed else "success", text)
+
+    def _forget(self) -> None:
+        if self._task is not None and not self._task.is_over:
+            self._task.cancel()
+        self._fitting = None
+        self.changed.emit()
+
+
+def _listed(labels: list[int]) -> str:
+    shown = ", ".join(str(label) for label in labels[:6])
+    return shown if len(labels) <= 6 else f"{shown} and {len(labels) - 6} more"
+
+
+def _drive(fitting: _Fitting) -> Iterator[SearchStep | _Finished]:
+    assert fitting.run is not None
+    begun = False
+    for step in fitting.run:
+        yield step
+        begun = begun or step.phase == "search"
+        if fitting.stop and begun:
+            break
+    yield _Finished(fitting.run.result())
+
+
+def _count(items: Iterator[Any], arrived: list[Any]) -> Iterator[tuple[int, Any]]:
+    """Number the items, keep each, and close the processes when this is closed."""
+    try:
+        for item in items:
+            arrived.append(item)
+            yield len(arrived), item
+    finally:
+        close = getattr(items, "close", None)
+        if close is not None:
+            close()
+
+
+def _prepare(step: SearchStep | _Finished) -> LiveAvatar | None:
+    if isinstance(step, _Finished):
+        return LiveAvatar(avatar_surface(step.result.avatar, 64), control_points(step.result.avatar))
+    return LiveAvatar(avatar_surface(step.avatar, LIVE_CELLS), control_points(step.avatar))
+
+
+def _fraction(step: SearchStep | _Finished) -> tuple[float, str]:
+    if isinstance(step, _Finished):
+        return 1.0, "Done"
+    done = step.generation / max(step.generations, 1)
+    if step.phase == "clustering":
+        return 0.15 * done, f"Sphere {step.generation} of {step.generations}"
+    return 0.15 + 0.85 * done, f"Generation {step.generation} of at most {step.generations}"

@@ -1,0 +1,56 @@
+"""Finding grains, or loading labels made elsewhere, in the background."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import MappingProxyType
+
+from mbstudio.core.grains import GrainSet, load_labels, segment
+from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.ui.work.work import Work
+from mbstudio.ui.workers import Control, Task
+
+
+class GrainWork(Work):
+    """Segments the scan."""
+
+    def find(self, settings: SegmentationSettings) -> Task | None:
+        """Find the grains of the scan; the present ones and their fits are replaced (undo brings them back)."""
+        scan = self.workspace.scan
+        if scan is None:
+            return None
+
+        def work(control: Control) -> GrainSet:
+            return segment(scan, settings, progress=control.progress)
+
+        task = Task("Finding grains", work)
+        task.succeeded.connect(lambda grains: self._take(scan, grains, settings))
+        return self.queue.submit(task)
+
+    def load(self, path: Path) -> Task | None:
+        """Take the labels of a label image of the scan's shape."""
+        scan = self.workspace.scan
+        if scan is None:
+            return None
+        task = Task(f"Loading {path.name}", lambda control: load_labels(path, scan))
+        task.succeeded.connect(lambda grains: self._take(scan, grains, None))
+        return self.queue.submit(task)
+
+    def _take(self, scan: object, grains: GrainSet, settings: SegmentationSettings | None) -> None:
+        if self.workspace.scan is not scan:
+            self.said.emit(
+                "warning", "The scan was changed meanwhile: the grains that were found do not belong to it."
+            )
+            return
+        inside = len(grains.interior_labels)
+        self.workspace.change(
+            f"Find {len(grains)} grains" if settings else f"Load {len(grains)} grains",
+            grains=grains,
+            segmentation=settings,
+            fits=MappingProxyType({}),
+        )
+        self.said.emit(
+            "success",
+            f"{len(grains)} grains, {inside} of them not cut by the edge of the scan. "
+            "Click one in the view or the table, then fit it.",
+        )

@@ -1,0 +1,55 @@
+"""Opening and saving projects in the background."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import Signal
+
+from mbstudio.core.project import Project
+from mbstudio.ui.work.work import Work
+from mbstudio.ui.workers import Task
+
+
+class ProjectWork(Work):
+    """Reads and writes project files.
+
+    Attributes
+    ----------
+    opened : signal
+        A project was opened and taken; its scan is still to be opened.
+    """
+
+    opened = Signal()
+
+    def new(self) -> None:
+        """Begin with an empty project."""
+        self.workspace.replace_project(Project.new())
+
+    def open(self, path: Path) -> Task:
+        """Open a project file."""
+        task = Task(f"Opening {path.name}", lambda control: Project.open(path))
+        task.succeeded.connect(lambda project: self._take(project, path))
+        return self.queue.submit(task)
+
+    def save(self, path: Path, after: Callable[[], None] | None = None) -> Task:
+        """Write the project to `path`; `after` is called once it is written."""
+        project = self.workspace.project
+        task = Task(f"Saving {path.name}", lambda control: project.save(path))
+        task.succeeded.connect(lambda written: self._saved(Path(written)))
+        if after is not None:
+            task.succeeded.connect(lambda _: after())
+        return self.queue.submit(task)
+
+    def _take(self, project: Project, path: Path) -> None:
+        self.workspace.replace_project(project)
+        self.workspace.remember(path)
+        grains = len(project.grains) if project.grains is not None else 0
+        self.said.emit("success", f"{path.name}: {grains} grains, {len(project.fits)} of them fitted.")
+        self.opened.emit()
+
+    def _saved(self, path: Path) -> None:
+        self.workspace.remember(path)
+        self.workspace.saved()
+        self.said.emit("success", f"Saved {path.name}.")

@@ -1,0 +1,194 @@
+"""What the window works on: the project, its opened scan and the grain that is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, QSettings, Signal
+
+from mbstudio.core.imaging.steps import FitResult
+from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
+from mbstudio.core.scan import Scan
+
+RECENT = 8
+
+
+class Workspace(QObject):
+    """The project and the selection, with a signal for each thing that can change.
+
+    Parameters
+    ----------
+    settings : QSettings
+        Keeps the recent files.
+
+    Attributes
+    ----------
+    project : Project
+    scan : Scan or None
+        The opened scan of the present state; None also while its file is missing.
+    selected : int or None
+        Label of the chosen grain; one selection for table, view and panels.
+    """
+
+    state_changed = Signal()
+    scan_changed = Signal()
+    grains_changed = Signal()
+    fits_changed = Signal()
+    settings_changed = Signal()
+    selection_changed = Signal()
+    project_replaced = Signal()
+    recent_changed = Signal()
+
+    def __init__(self, settings: QSettings, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._settings = settings
+        self.project = Project.new()
+        self.scan: Scan | None = None
+        self.selected: int | None = None
+        self._scans: dict[str, Scan] = {}
+        self._seen = self.project.state
+        self._coalescing: str | None = None
+
+    @property
+    def state(self) -> ProjectState:
+        return self.project.state
+
+    @property
+    def is_modified(self) -> bool:
+        """Whether closing would lose something."""
+        return self.project.is_modified
+
+    @property
+    def title(self) -> str:
+        """Name of the project file, or what an unsaved project is called."""
+        return self.project.path.name if self.project.path else "Untitled project"
+
+    # ---- changing ----------------------------------------------------------------------------
+
+    def change(self, title: str, *, coalesce: bool = False, **changes: Any) -> None:
+        """Change the project's state as one step of undo.
+
+        Parameters
+        ----------
+        coalesce : bool
+            Whether this belongs to the change before it if that had the same title: turning a
+            spin box from 40 to 60 is one step, not twenty.
+        """
+        if coalesce and self._coalescing == title and self.project.history.undo_title == title:
+            self.project.history.undo()
+        self.project.change(title, **changes)
+        self._coalescing = title if coalesce else None
+        self._announce()
+
+    def use_scan(self, scan: Scan, reference: ScanReference, title: str = "Open scan") -> None:
+        """Begin with a scan whose reference a worker has made."""
+        self._scans[reference.digest] = scan
+        self.project.use_scan(scan, title=title, reference=reference)
+        self._announce()
+
+    def give_scan(self, scan: Scan) -> None:
+        """Hand over the opened scan of the present state (a project opens its scan in a worker)."""
+        if self.state.scan is not None:
+            self._scans[self.state.scan.digest] = scan
+            self._take_scan()
+            self.scan_changed.emit()
+            self.state_changed.emit()
+
+    def add_fits(self, fits: Mapping[int, FitResult], title: str) -> None:
+        """Add or replace fits by label."""
+        self.project.add_fits(fits, title)
+        self._announce()
+
+    def change_fit_settings(self, **changes: Any) -> None:
+        """Change what the next fit will use."""
+        fit_settings: FitSettings = replace(self.state.fit_settings, **changes)
+        if fit_settings != self.state.fit_settings:
+            self.change("Change fit settings", coalesce=True, fit_settings=fit_settings)
+
+    def undo(self) -> None:
+        """Take the last change back."""
+        self._coalescing = None
+        self.project.undo()
+        self._announce()
+
+    def redo(self) -> None:
+        """Make it again."""
+        self._coalescing = None
+        self.project.redo()
+        self._announce()
+
+    def replace_project(self, project: Project) -> None:
+        """Work on another project."""
+        self.project.close()
+        self.project = project
+        self._scans.clear()
+        self._coalescing = None
+        self.selected = None
+        self._announce(all_of_it=True)
+        self.selection_changed.emit()
+        self.project_replaced.emit()
+
+    def saved(self) -> None:
+        """Tell that the project was written."""
+        self.state_changed.emit()
+
+    # ---- selection ---------------------------------------------------------------------------
+
+    def select(self, label: int | None) -> None:
+        """Choose a grain by its label, or none."""
+        if label is not None and (self.state.grains is None or label not in self._labels()):
+            label = None
+        if label != self.selected:
+            self.selected = label
+            self.selection_changed.emit()
+            self.state_changed.emit()
+
+    def _labels(self) -> set[int]:
+        grains = self.state.grains
+        return set() if grains is None else {int(label) for label in grains.table["label"]}
+
+    # ---- recent files ------------------------------------------------------------------------
+
+    @property
+    def recent(self) -> list[Path]:
+        """Files opened or saved last, newest first, those that still exist."""
+        names = self._settings.value("recent", []) or []
+        names = [names] if isinstance(names, str) else list(names)
+        return [Path(name) for name in names if Path(name).exists()]
+
+    def remember(self, path: Path) -> None:
+        """Put a file at the head of the recent ones."""
+        path = path.resolve()
+        kept = [path, *(other for other in self.recent if other != path)][:RECENT]
+        self._settings.setValue("recent", [str(entry) for entry in kept])
+        self.recent_changed.emit()
+
+    # ---- inside ------------------------------------------------------------------------------
+
+    def _take_scan(self) -> None:
+        reference = self.state.scan
+        scan = self._scans.get(reference.digest) if reference is not None else None
+        if scan is not None and reference is not None:
+            scan = replace(scan, voxel_size=reference.voxel_size, origin=reference.origin)
+        self.scan = scan
+
+    def _announce(self, all_of_it: bool = False) -> None:
+        """Compare the state with the one that was announced last and tell what differs."""
+        before, now = self._seen, self.state
+        self._seen = now
+        if all_of_it or now.scan != before.scan:
+            self._take_scan()
+            self.scan_changed.emit()
+        if all_of_it or now.grains is not before.grains:
+            if self.selected is not None and self.selected not in self._labels():
+                self.selected = None
+                self.selection_changed.emit()
+            self.grains_changed.emit()
+        if all_of_it or now.fits is not before.fits:
+            self.fits_changed.emit()
+        if all_of_it or now.fit_settings != before.fit_settings or now.segmentation != before.segmentation:
+            self.settings_changed.emit()
+        self.state_changed.emit()
