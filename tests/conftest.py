@@ -91,3 +91,29 @@ def shared_data() -> Path:
 def rng() -> np.random.Generator:
     """A generator with a fixed seed, fresh for each test."""
     return np.random.default_rng(20230607)
+
+
+@pytest.fixture(scope="session")
+def small_scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A TIFF of 56 cubed voxels with three grains apart from each other and one cut by the border.
+
+    The grains that are whole: ellipsoids of semi-axes 12, 10 and 9; 10, 10 and 10; 8, 11 and 9
+    voxels. The file does not tell its voxel size.
+    """
+    import tifffile
+
+    z, y, x = np.mgrid[:56, :56, :56]
+    scan = np.full((56, 56, 56), 10_000.0)
+    for centre, axes in (
+        ((15, 15, 15), (12, 10, 9)),
+        ((38, 40, 16), (10, 10, 10)),
+        ((18, 38, 41), (8, 11, 9)),
+        ((44, 12, 50), (9, 9, 9)),
+    ):
+        distance = np.sqrt(sum(((c - m) / a) ** 2 for c, m, a in zip((z, y, x), centre, axes, strict=True)))
+        # Partial volume: the grey value passes from void to grain within about a voxel.
+        scan += 30_000 / (1 + np.exp(25 * (distance - 1)))
+    scan += np.random.default_rng(1).normal(0, 400, scan.shape)
+    path = tmp_path_factory.mktemp("scan") / "small.tif"
+    tifffile.imwrite(path, scan.clip(0, 65535).astype(np.uint16), photometric="minisblack")
+    return path

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
+
+SECONDS_BETWEEN_LINES = 2.0
 
 
 def tell(message: str) -> None:
@@ -23,7 +26,7 @@ def tell(message: str) -> None:
 def progress(title: str) -> Iterator[Callable[[float, str], None]]:
     """Show how far a long piece of work has come; yields ``report(fraction, message)``.
 
-    On a terminal that is a bar; in a log, a line every ten percent.
+    On a terminal that is a bar; in a log, a line every ten percent and not too often.
     """
     console = Console(file=sys.stderr)
     if not console.is_terminal:
@@ -38,14 +41,14 @@ def progress(title: str) -> Iterator[Callable[[float, str], None]]:
 
 
 def _lines(title: str) -> Callable[[float, str], None]:
-    reached = -1
+    reached, said = -1, -math.inf
 
     def report(fraction: float, message: str) -> None:
-        nonlocal reached
-        tenth = int(10 * fraction + 1e-9)
-        if tenth > reached:
-            reached = tenth
-            tell(f"{title}: {10 * tenth:3d} % {message}")
+        nonlocal reached, said
+        tenth, now = int(10 * fraction + 1e-9), time.monotonic()
+        if tenth > reached and now - said > SECONDS_BETWEEN_LINES:
+            reached, said = tenth, now
+            tell(f"{title}: {100 * fraction:3.0f} % {message}")
 
     return report
 
