@@ -97,7 +97,7 @@ def rng() -> np.random.Generator:
 def small_scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A TIFF of 56 cubed voxels with three grains apart from each other and one cut by the border.
 
-    The grains that are whole: ellipsoids of semi-axes 12, 10 and 9; 10, 10 and 10; 8, 11 and 9
+    The grains that are whole: ellipsoids of semi-axes 12, 10 and 9; 11, 9 and 12; 8, 11 and 9
     voxels. The file does not tell its voxel size.
     """
     import tifffile
@@ -106,7 +106,7 @@ def small_scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scan = np.full((56, 56, 56), 10_000.0)
     for centre, axes in (
         ((15, 15, 15), (12, 10, 9)),
-        ((38, 40, 16), (10, 10, 10)),
+        ((38, 40, 16), (11, 9, 12)),
         ((18, 38, 41), (8, 11, 9)),
         ((44, 12, 50), (9, 9, 9)),
     ):

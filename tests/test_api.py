@@ -9,7 +9,7 @@ import trimesh
 import mbstudio as mb
 
 # Semi-axes in voxels of the whole grains in the fixture small_scan_file.
-WHOLE_GRAINS = ((12, 10, 9), (10, 10, 10), (8, 11, 9))
+WHOLE_GRAINS = ((12, 10, 9), (11, 9, 12), (8, 11, 9))
 VOXEL = 14.0
 
 

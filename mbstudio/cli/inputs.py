@@ -146,13 +146,12 @@ def grains_of_mesh(grain: Grain) -> GrainSet:
     """Return the set of one grain that was made of a mesh, so that a project can hold it."""
     import numpy as np
 
-    from mbstudio.core.grains import load_labels
-    from mbstudio.core.scan import Scan
+    from mbstudio.core.grains.labelling import grain_set_of
 
     # A margin of one voxel: the grain is whole, no border cuts it off.
-    labels: Any = np.pad(grain.mask.astype(np.int32), 1)
+    labels = np.pad(grain.mask.astype(np.int32), 1)
     x, y, z = (float(place - edge) for place, edge in zip(grain.origin, grain.voxel_size.xyz, strict=True))
-    return load_labels(labels, Scan(labels, grain.voxel_size, (x, y, z)))
+    return grain_set_of(labels, grain.voxel_size, (x, y, z))
 
 
 def require_project_output(path: Path) -> Path:

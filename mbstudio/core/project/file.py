@@ -274,7 +274,9 @@ def _read_grains(group: h5py.Group) -> GrainSet:
     from mbstudio.core.grains.grain_set import GrainSet
 
     size, origin = _read_place(group["labels"])
-    return GrainSet(group["labels"][:], _read_table(group["table"]), size, origin)
+    labels = group["labels"][:]
+    labels.flags.writeable = False
+    return GrainSet(labels, _read_table(group["table"]), size, origin)
 
 
 def _read_table(group: h5py.Group) -> pd.DataFrame:
