@@ -1,6 +1,6 @@
 """LIGGGHTS multisphere templates, with mass and inertia of the avatar, and a deck that pours them.
 
-``<name>.multisphere`` holds a line ``x y z r`` a sphere, in the unit of the export;
+``<name>.multisphere`` holds a line ``x y z r`` a sphere and nothing else, in the unit of the export;
 ``<name>.template`` the command that reads it, to be included in any deck (lengths are scaled to
 metres there); ``in.settle`` inserts some of each into a box and lets them fall.
 
@@ -60,7 +60,8 @@ def template_command(body: DemBody, spheres_file: str, nspheres: int, number: in
 
 def _write_spheres(path: Path, clump: Clump) -> None:
     rows = np.column_stack([clump.centers, clump.radii])
-    np.savetxt(path, rows, fmt="%.9e", header=f"x y z r in {clump.unit}")
+    # No comment, no empty line: run with '-screen none', LIGGGHTS 3.8.0 crashes when it skips one.
+    np.savetxt(path, rows, fmt="%.9e")
 
 
 def _describe(clump: Clump, body: DemBody) -> dict[str, Any]:
@@ -108,25 +109,26 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 def read_spheres(path: Path) -> np.ndarray:
     """Return the rows ``x y z r`` of a sphere file; ExportError for anything that is no number."""
     rows = []
-    for line in _lines(path):
-        if line.startswith("#"):
-            continue
+    for line in _text(path).splitlines():
         try:
             row = [float(part) for part in line.split()]
-        except ValueError as error:
-            raise ExportError(f"{path} has the line '{line}', which is not four numbers.") from error
+        except ValueError:
+            row = []
         if len(row) != 4:
             raise ExportError(f"{path} has the line '{line}', which is not four numbers.")
         rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, 4)
 
 
-def _lines(path: Path) -> list[str]:
+def _text(path: Path) -> str:
     try:
-        text = path.read_text(encoding="ascii")
+        return path.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
         raise ExportError(f"{path} cannot be read ({error}).") from error
-    return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+def _lines(path: Path) -> list[str]:
+    return [line.strip() for line in _text(path).splitlines() if line.strip()]
 
 
 def _check_spheres(path: Path, rows: np.ndarray, item: Mapping[str, Any]) -> None:

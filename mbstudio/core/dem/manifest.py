@@ -131,14 +131,14 @@ def check_digests(folder: Path, manifest: Mapping[str, Any]) -> None:
             raise ExportError(f"{path} was changed after the export: export again.")
 
 
-def check_moments(name: str, mass: float, moments: Sequence[float]) -> None:
+def check_moments(what: str, mass: float, moments: Sequence[float]) -> None:
     """Raise ExportError unless mass and principal moments are those of a solid body."""
     if not is_finite(mass, moments) or mass <= 0 or min(moments) <= 0:
-        raise ExportError(f"'{name}' has a mass or moment that is not a positive number.")
+        raise ExportError(f"{what} has a mass or moment that is not a positive number.")
     low, middle, high = sorted(moments)
     if low + middle < high * (1 - 1e-9):
         raise ExportError(
-            f"'{name}' has moments {list(moments)} that no solid body has (the largest exceeds the sum)."
+            f"{what} has moments {list(moments)} that no solid body has (the largest exceeds the sum)."
         )
 
 
@@ -160,7 +160,7 @@ def _check_numbers(path: Path, manifest: Mapping[str, Any]) -> None:
         if not is_finite(item["pose"]["position"]):
             raise ExportError(f"{path}: the position of '{item['name']}' is not finite.")
         if density is not None:
-            check_moments(item["name"], item["mass"], item["moments"])
+            check_moments(f"{path}: '{item['name']}'", item["mass"], item["moments"])
             expected = density * item["volume"] * METRES_PER_UNIT[manifest["unit"]] ** 3
             if abs(item["mass"] / expected - 1) > 1e-6:
                 raise ExportError(f"{path}: the mass of '{item['name']}' is not density times volume.")

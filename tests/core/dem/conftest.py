@@ -1,0 +1,46 @@
+"""Avatars built by hand, and the DEM engines that may be there."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+from mbstudio.core.metaball import Avatar
+
+
+def _make_avatar(seed: int, points: int = 12) -> Avatar:
+    rng = np.random.default_rng(seed)
+    centers = rng.normal(size=(points, 3)) * [0.45, 0.3, 0.2] + [10, -20, 30]
+    weights = rng.uniform(0.3, 0.6, points) ** 2 * 6 / points
+    return Avatar(centers, weights, "mm", label=seed, name=f"grain_{seed}")
+
+
+@pytest.fixture(scope="session")
+def avatar() -> Avatar:
+    """An irregular avatar of about 2 mm, far from the origin and not along its axes."""
+    return _make_avatar(1)
+
+
+@pytest.fixture(scope="session")
+def avatars() -> list[Avatar]:
+    """Three irregular avatars."""
+    return [_make_avatar(seed) for seed in (1, 2, 3)]
+
+
+@pytest.fixture(scope="session")
+def ring() -> Avatar:
+    """A torus-like avatar: not star-shaped, genus 1."""
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    centers = 3 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    return Avatar(centers, np.full(12, 0.35), "mm", name="ring")
+
+
+@pytest.fixture(scope="session")
+def liggghts() -> str:
+    """The LIGGGHTS executable."""
+    found = shutil.which("liggghts")
+    if found is None:
+        pytest.skip("the DEM engine LIGGGHTS is not installed (executable 'liggghts')")
+    return found

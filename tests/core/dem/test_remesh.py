@@ -1,0 +1,82 @@
+"""Meshes that engines take: closed, outward, well-shaped, true to the avatar."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mbstudio.core.dem.remesh import angles_of, well_shaped_mesh
+from mbstudio.core.dem.remesh_passes import collapse_edges, edges_of, flip_edges, split_edges
+from mbstudio.core.metaball import Avatar
+from mbstudio.core.metrics import mass_properties
+
+TETRAHEDRON = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+
+
+@pytest.mark.parametrize("cells", [16, 32])
+@pytest.mark.parametrize("kind", ["avatar", "ring", "neck"])
+def test_no_thin_triangle_whatever_the_shape(kind, cells, request):
+    if kind == "neck":
+        body = Avatar([[-0.99, 0, 0], [0.99, 0, 0]], [0.5, 0.5], "mm")
+    else:
+        body = request.getfixturevalue(kind)
+    volume = mass_properties(body, 1).volume
+    mesh = well_shaped_mesh(body, cells, volume)
+    angles = np.degrees(angles_of(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    assert angles.sum(axis=1) == pytest.approx(180)
+    assert angles.min() > 22
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.euler_number == (0 if kind == "ring" else 2)
+    assert mesh.volume == pytest.approx(volume, rel=1e-4)
+    edge = np.ptp(mesh.vertices, axis=0).max() / cells
+    # u = f**(-1/2) is close to the distance over the radius: no vertex leaves the surface by much.
+    shift = np.abs(body.field(np.asarray(mesh.vertices)) ** -0.5 - 1).max()
+    assert shift < 0.25 * edge / np.ptp(mesh.vertices, axis=0).min()
+    assert 0.7 * edge < mesh.edges_unique_length.mean() < 1.3 * edge
+
+
+def test_without_a_volume_every_vertex_lies_on_the_surface(avatar):
+    mesh = well_shaped_mesh(avatar, 20)
+    assert avatar.field(np.asarray(mesh.vertices)) == pytest.approx(1, abs=1e-4)
+
+
+def test_edges_of_a_tetrahedron():
+    edges, pairs = edges_of(TETRAHEDRON)
+    assert edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    for (a, b), (first, second) in zip(edges, pairs, strict=True):
+        assert [a, b] in [np.roll(TETRAHEDRON[first], -k)[:2].tolist() for k in range(3)]
+        assert [b, a] in [np.roll(TETRAHEDRON[second], -k)[:2].tolist() for k in range(3)]
+
+
+def test_a_tetrahedron_is_never_collapsed_flat():
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])
+    _, faces = collapse_edges(corners, TETRAHEDRON, 100.0, 100.0)
+    assert len(faces) == 4
+
+
+def test_a_split_halves_the_longest_edge_and_keeps_the_solid():
+    import trimesh
+
+    box = trimesh.creation.box((1, 1, 8))
+    vertices, faces = split_edges(np.asarray(box.vertices), np.asarray(box.faces, dtype=np.int64), 5.0)
+    split = trimesh.Trimesh(vertices, faces, process=False)
+    assert split.is_watertight
+    assert split.volume == pytest.approx(8)
+    assert len(vertices) > 8
+
+
+def test_a_flip_raises_the_smallest_angle():
+    import trimesh
+
+    ball = trimesh.creation.icosphere(2)
+    rng = np.random.default_rng(0)
+    vertices = np.asarray(ball.vertices) + rng.normal(size=ball.vertices.shape) * 0.05
+    before = angles_of(vertices, np.asarray(ball.faces)).min(axis=1)
+    faces = np.asarray(ball.faces, dtype=np.int64)
+    for _ in range(5):
+        faces = flip_edges(vertices, faces)
+    flipped = trimesh.Trimesh(vertices, faces, process=False)
+    assert flipped.is_watertight
+    assert flipped.is_winding_consistent
+    assert np.sort(angles_of(vertices, faces).min(axis=1))[:20].mean() > np.sort(before)[:20].mean()
