@@ -26,7 +26,7 @@ def gui(
     if source is not None and not source.exists():
         raise MbstudioError(f"{source} is not there: check the name and the folder.")
     if not has_display() and not os.environ.get("QT_QPA_PLATFORM"):
-        raise MbstudioError("There is no display for a window: use 'mbstudio tour', or start it on a desktop.")
+        raise MbstudioError("There is no display for a window: use 'mbstudio tour', or go to a desktop.")
     from mbstudio.ui.app import run
 
     is_project = source is not None and inputs.is_project(source)
