@@ -34,6 +34,8 @@ _CLIPPED = (0.002, 0.99)
 _BINS = 1024
 # Peaks of the distance map that stand out less than this (in voxels) come from the voxel grid.
 _LEAST_DEPTH = 0.5
+# Enclosed gaps in the solid up to this size are noise.
+_PINHOLE_VOXELS = 27
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,8 @@ class SegmentationSettings:
 
     denoise_sigma: float = 0.5
     threshold: float | None = None
-    splitting: float = 0.8
-    smallest_voxels: int = 100
+    splitting: float = 0.75
+    smallest_voxels: int = 300
     drop_border: bool = False
 
     def __post_init__(self) -> None:
@@ -118,7 +120,7 @@ def segment(
     mask, threshold = _threshold(voxels, view, scan.voxel_size, settings)
     del voxels
     tell(0.40, f"Grains are brighter than {threshold:g}")
-    _fill_pinholes(mask, view, settings.smallest_voxels)
+    _fill_pinholes(mask, view)
     tell(0.50, "Measuring distances")
     landscape = _distance_map(mask, view, scan.voxel_size)
     del mask
@@ -224,11 +226,14 @@ def _otsu(grey: Float[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> 
     return float(threshold_otsu(hist=(counts, (edges[:-1] + edges[1:]) / 2)))
 
 
-def _fill_pinholes(mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView, smallest_voxels: int) -> None:
-    """Fill, in place, gaps in the solid that are smaller than the smallest grain."""
+def _fill_pinholes(mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView) -> None:
+    """Fill, in place, the pinholes that noise makes in the solid.
+
+    Larger cavities are filled later, grain by grain: here they may be pores that touching grains
+    enclose.
+    """
     gaps, count = cc3d.connected_components(~mask & view.mask, connectivity=6, return_N=True)
-    sizes = np.bincount(gaps.ravel(), minlength=count + 1)
-    small = sizes < smallest_voxels
+    small = np.bincount(gaps.ravel(), minlength=count + 1) <= _PINHOLE_VOXELS
     small[0] = False
     for part, gap in zip(mask, gaps, strict=True):
         part |= small[gap]

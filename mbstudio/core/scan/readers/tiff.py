@@ -27,12 +27,13 @@ Spacing = tuple[float, float, float]
 
 @contextmanager
 def _quiet_tifffile() -> Iterator[list[str]]:
-    """Collect what tifffile logs about a broken file instead of printing it."""
+    """Collect the errors that tifffile logs about a broken file instead of printing them."""
     messages: list[str] = []
 
     class Collector(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            messages.append(record.getMessage())
+            if record.levelno >= logging.ERROR:
+                messages.append(record.getMessage())
 
     logger, collector = logging.getLogger("tifffile"), Collector()
     propagates, logger.propagate = logger.propagate, False
@@ -57,7 +58,12 @@ def read(path: Path, options: ReadOptions) -> Reading:
     if path.stat().st_size == 0:
         raise ScanError(f"{path} is empty (0 bytes): copy or export the scan again.")
     try:
-        with _quiet_tifffile(), tifffile.TiffFile(path) as document:
+        with _quiet_tifffile() as errors, tifffile.TiffFile(path) as document:
+            pages = len(document.pages)
+            if errors:
+                raise ScanError(
+                    f"{path} is cut off or damaged: only {pages} of its pages can be found; copy or export it again."
+                )
             voxels = _voxels(document, path)
             spacing, unit, metadata = _voxel_size(document, single_slice=False)
     except ScanError:
