@@ -29,7 +29,9 @@ def control_of_spheres(
         spheres at their own weights are far too large together.
     """
     voxels = np.array([sphere.voxel for sphere in spheres], dtype=np.float64)
-    radii = np.maximum(np.array([sphere.radius for sphere in spheres]) - 0.5 * prepared.voxel, 0.25 * prepared.voxel)
+    radii = np.maximum(
+        np.array([sphere.radius for sphere in spheres]) - 0.5 * prepared.voxel, 0.25 * prepared.voxel
+    )
     control = np.empty((4, len(spheres)))
     control[:3] = (voxels[:, ::-1] * prepared.spacing + prepared.origin).T
     control[3] = radii**2 if weight == "square" else radii
@@ -44,7 +46,9 @@ def rescale(control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain) -> Non
     control[3] /= np.exp(np.mean(np.log(field)))
 
 
-def with_number(control: Float64[np.ndarray, "4 n"], n: int, prepared: PreparedGrain) -> Float64[np.ndarray, "4 n2"]:
+def with_number(
+    control: Float64[np.ndarray, "4 n"], n: int, prepared: PreparedGrain
+) -> Float64[np.ndarray, "4 n2"]:
     """Return `n` control points made from those there are: the worst split, or the nearest merged.
 
     Splitting a point into two halves of its weight, a short way apart, hardly changes f; the worst

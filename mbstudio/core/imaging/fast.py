@@ -66,7 +66,10 @@ class FastFit(StepRun):
 
     def _prepare(self) -> PreparedGrain:
         return prepare(
-            self.grain, self.seed, working_side=self.options.working_side, hull_points=self.options.hull_points
+            self.grain,
+            self.seed,
+            working_side=self.options.working_side,
+            hull_points=self.options.hull_points,
         )
 
     def _spheres(self, n: int) -> Iterator[Sphere]:
@@ -90,7 +93,7 @@ class FastFit(StepRun):
     def _begin(self, control: np.ndarray, settings: RefineSettings) -> None:
         assert self.prepared is not None
         search = Refinement(self.prepared, control, settings)
-        search.push_inside(search.control)
+        search.push_inside(search.control, fallback=control)
         self._refinement, self.control, self._found = search, search.control, None
 
     def _change_number(self, n: int) -> None:
@@ -108,12 +111,14 @@ class FastFit(StepRun):
         assert self._refinement is not None
         self.control, self._found = self._refinement.control, None
         field = self._refinement.field_on_hull()
-        return self._record(mean_loss(field), self._refinement.rms(field), generations, note)
+        return self._record(mean_loss(field), self._refinement.rms(), generations, note)
 
     def _search(self, generations: int) -> Iterator[SearchStep]:
         last = max(self.generation, 0) + generations
         if self.generation < 0 or self._found is None:
-            yield self._step(last, note="" if self.generation < 0 else f"goes on with {self.n} control points")
+            yield self._step(
+                last, note="" if self.generation < 0 else f"goes on with {self.n} control points"
+            )
         yield from self._descend(generations, last)
         yield from self._guarded(last)
 

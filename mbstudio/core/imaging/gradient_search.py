@@ -87,9 +87,13 @@ class PaperOptions:
         }  # fmt: skip
         for name, values in allowed.items():
             if getattr(self, name) not in values:
-                raise FitError(f"{name} = {getattr(self, name)!r} is not a choice of method 'paper': use one of {values}.")
+                raise FitError(
+                    f"{name} = {getattr(self, name)!r} is not a choice of method 'paper': use one of {values}."
+                )
         if self.generations < 1 or self.learning_rate <= 0 or not 0 <= self.adam_share <= 1:
-            raise FitError("Method 'paper' needs generations >= 1, learning_rate > 0 and adam_share between 0 and 1.")
+            raise FitError(
+                "Method 'paper' needs generations >= 1, learning_rate > 0 and adam_share between 0 and 1."
+            )
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
@@ -166,7 +170,10 @@ class PaperFit(StepRun):
 
     def _prepare(self) -> PreparedGrain:
         return prepare(
-            self.grain, self.seed, working_side=self.options.working_side, hull_points=self.options.hull_points
+            self.grain,
+            self.seed,
+            working_side=self.options.working_side,
+            hull_points=self.options.hull_points,
         )
 
     def _spheres(self, n: int) -> Iterator[Sphere]:
@@ -226,7 +233,11 @@ class PaperFit(StepRun):
                 change = optimiser.change(gradient)
                 moved[3] = np.maximum(moved[3] + change[3], options.least_k)
             moved[:3] += change[:3]
-            sound = np.isfinite(moved).all() and np.abs(moved[:3]).max() < 1e3 and 0 < moved[3].min() <= moved[3].max() < 1e6
+            sound = (
+                np.isfinite(moved).all()
+                and np.abs(moved[:3]).max() < 1e3
+                and 0 < moved[3].min() <= moved[3].max() < 1e6
+            )
             if not sound:
                 raise FitError(
                     f"The paper's search diverged at generation {self.generation + 1} on grain '{self.grain.name}': "

@@ -19,14 +19,16 @@ def field_of_rows(points, control, out):  # pragma: no cover - compiled
     """Write f at points (rows, float32) for control points (rows, float32)."""
     total, n = points.shape[1], control.shape[1]
     for start in range(0, total, _CHUNK):
-        stop = min(start + _CHUNK, total)
-        for p in range(start, stop):
-            out[p] = 0.0
+        # Slices that start at 0 let the compiler see contiguous rows: several times faster.
+        px, py, pz = points[0, start:], points[1, start:], points[2, start:]
+        acc, count = out[start:], min(_CHUNK, total - start)
+        for p in range(count):
+            acc[p] = 0.0
         for i in range(n):
             cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
-            for p in range(start, stop):
-                dx, dy, dz = points[0, p] - cx, points[1, p] - cy, points[2, p] - cz
-                out[p] += k / (dx * dx + dy * dy + dz * dz)
+            for p in range(count):
+                dx, dy, dz = px[p] - cx, py[p] - cy, pz[p] - cz
+                acc[p] += k / (dx * dx + dy * dy + dz * dz)
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
@@ -39,12 +41,13 @@ def steepness_of_rows(points, control, out):  # pragma: no cover - compiled
     )  # fmt: skip
     for start in range(0, total, _CHUNK):
         count = min(_CHUNK, total - start)
+        px, py, pz = points[0, start:], points[1, start:], points[2, start:]
         for p in range(count):
             f[p] = gx[p] = gy[p] = gz[p] = 0.0
         for i in range(n):
             cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
             for p in range(count):
-                dx, dy, dz = points[0, start + p] - cx, points[1, start + p] - cy, points[2, start + p] - cz
+                dx, dy, dz = px[p] - cx, py[p] - cy, pz[p] - cz
                 inverse = np.float32(1.0) / (dx * dx + dy * dy + dz * dz)
                 term = k * inverse
                 f[p] += term
@@ -61,14 +64,16 @@ def jacobian_of_rows(points, control, factor, out):  # pragma: no cover - compil
     """Write d(row)/d(parameter) as out[parameter, point], for rows with derivative `factor` by f."""
     total, n = points.shape[1], control.shape[1]
     for start in range(0, total, _CHUNK):
-        stop = min(start + _CHUNK, total)
+        px, py, pz = points[0, start:], points[1, start:], points[2, start:]
+        weight, count = factor[start:], min(_CHUNK, total - start)
         for i in range(n):
             cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
-            by_k, by_x, by_y, by_z = out[i], out[n + i], out[2 * n + i], out[3 * n + i]
-            for p in range(start, stop):
-                dx, dy, dz = points[0, p] - cx, points[1, p] - cy, points[2, p] - cz
+            by_k, by_x = out[i, start:], out[n + i, start:]
+            by_y, by_z = out[2 * n + i, start:], out[3 * n + i, start:]
+            for p in range(count):
+                dx, dy, dz = px[p] - cx, py[p] - cy, pz[p] - cz
                 inverse = np.float32(1.0) / (dx * dx + dy * dy + dz * dz)
-                slope = factor[p] * k * inverse
+                slope = weight[p] * k * inverse
                 by_k[p] = slope
                 slope *= np.float32(2.0) * inverse
                 by_x[p] = slope * dx
@@ -93,9 +98,19 @@ def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - c
             gradient[a] += dot
         # Slices that start at 0 let the compiler see contiguous rows: 6 times faster than an offset.
         for a in range(0, size, 4):
-            a0, a1, a2, a3 = rows[a, start:stop], rows[a + 1, start:stop], rows[a + 2, start:stop], rows[a + 3, start:stop]
+            a0, a1, a2, a3 = (
+                rows[a, start:stop],
+                rows[a + 1, start:stop],
+                rows[a + 2, start:stop],
+                rows[a + 3, start:stop],
+            )
             for b in range(0, a + 4, 4):
-                b0, b1, b2, b3 = rows[b, start:stop], rows[b + 1, start:stop], rows[b + 2, start:stop], rows[b + 3, start:stop]
+                b0, b1, b2, b3 = (
+                    rows[b, start:stop],
+                    rows[b + 1, start:stop],
+                    rows[b + 2, start:stop],
+                    rows[b + 3, start:stop],
+                )
                 s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = np.float32(0.0)
                 s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = np.float32(0.0)
                 for p in range(stop - start):

@@ -107,7 +107,9 @@ def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: 
         for axis in range(3):
             corner = vertices[faces[face, 0], axis]
             out[p, axis] = (
-                corner + a * (vertices[faces[face, 1], axis] - corner) + b * (vertices[faces[face, 2], axis] - corner)
+                corner
+                + a * (vertices[faces[face, 1], axis] - corner)
+                + b * (vertices[faces[face, 2], axis] - corner)
             )
     return out
 
@@ -142,13 +144,17 @@ def _hull_points(
     vertices, faces, _, _ = marching_cubes(smooth, 0.5, gradient_direction="descent")
     points = vertices[:, ::-1].astype(np.float64) * spacing
     corners = points[faces]
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     count = min(count, max(4000, len(faces)))
     fractions = (np.arange(count) + rng.random(count)) / count
     return _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
 
 
-def prepare(grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000) -> PreparedGrain:
+def prepare(
+    grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000
+) -> PreparedGrain:
     """Crop, pad, coarsen and centre a grain; find its signed distance and hull points.
 
     Parameters

@@ -19,7 +19,9 @@ from mbstudio.core.metaball.avatar import Avatar
 def checked_number(n: int, grain: Grain) -> int:
     """Return n as an int; FitError unless the grain may hold that many control points."""
     if isinstance(n, bool) or int(n) != n or n < 1:
-        raise FitError(f"n = {n} control points make no avatar of grain '{grain.name}': give a whole number, 1 or more.")
+        raise FitError(
+            f"n = {n} control points make no avatar of grain '{grain.name}': give a whole number, 1 or more."
+        )
     if n > grain.voxel_count:
         raise too_many(grain, int(n), max(1, grain.voxel_count // 2))
     return int(n)

@@ -53,15 +53,24 @@ class Avatar:
     def __post_init__(self) -> None:
         centers = np.array(self.centers, dtype=np.float64)
         weights = np.array(self.weights, dtype=np.float64)
-        if centers.ndim != 2 or centers.shape[1] != 3 or weights.shape != centers.shape[:1] or not len(centers):
+        if (
+            centers.ndim != 2
+            or centers.shape[1] != 3
+            or weights.shape != centers.shape[:1]
+            or not len(centers)
+        ):
             raise AvatarError(
                 f"Avatar '{self.name}' has control points of shape {centers.shape} and weights of shape "
                 f"{weights.shape}: they must be (n, 3) and (n,) with n >= 1."
             )
         if not (np.isfinite(centers).all() and np.isfinite(weights).all()):
-            raise AvatarError(f"Avatar '{self.name}' has control points or weights that are not finite numbers.")
+            raise AvatarError(
+                f"Avatar '{self.name}' has control points or weights that are not finite numbers."
+            )
         if weights.min() <= 0:
-            raise AvatarError(f"Avatar '{self.name}' has a weight of {weights.min():g}: every k must be positive.")
+            raise AvatarError(
+                f"Avatar '{self.name}' has a weight of {weights.min():g}: every k must be positive."
+            )
         centers.flags.writeable = weights.flags.writeable = False
         object.__setattr__(self, "centers", centers)
         object.__setattr__(self, "weights", weights)
@@ -132,7 +141,9 @@ class Avatar:
         return replace(self, centers=self.centers * factor, weights=self.weights * factor**2)
 
     def transformed(
-        self, rotation: Float[np.ndarray, "3 3"] | None = None, translation: Float[np.ndarray, "3"] | None = None
+        self,
+        rotation: Float[np.ndarray, "3 3"] | None = None,
+        translation: Float[np.ndarray, "3"] | None = None,
     ) -> Avatar:
         """Return the avatar turned by `rotation`, then moved by `translation` (in `unit`).
 

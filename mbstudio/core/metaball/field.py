@@ -110,7 +110,11 @@ def _upper_bound_on_grid(origin, spacing, radius, control, out):  # pragma: no c
     for iz in range(nz):
         for iy in range(ny):
             for ix in range(nx):
-                x, y, z = origin[0] + ix * spacing[0], origin[1] + iy * spacing[1], origin[2] + iz * spacing[2]
+                x, y, z = (
+                    origin[0] + ix * spacing[0],
+                    origin[1] + iy * spacing[1],
+                    origin[2] + iz * spacing[2],
+                )
                 total = 0.0
                 for i in range(control.shape[1]):
                     dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
@@ -142,7 +146,9 @@ def _outer_plane(positions, weights):  # pragma: no cover - compiled
     return high
 
 
-def control_rows(centers: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, "n"]) -> Float64[np.ndarray, "4 n"]:
+def control_rows(
+    centers: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, "n"]
+) -> Float64[np.ndarray, "4 n"]:
     """Return control points and weights as contiguous rows x, y, z, k, as the kernels take them."""
     return np.ascontiguousarray(np.vstack([np.asarray(centers, dtype=np.float64).T, weights]))
 
@@ -150,11 +156,15 @@ def control_rows(centers: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, "
 def _as_points(points: np.ndarray) -> Float64[np.ndarray, "m 3"]:
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
-        raise AvatarError(f"Points of shape {array.shape} cannot be evaluated: give an array of shape (m, 3), x y z.")
+        raise AvatarError(
+            f"Points of shape {array.shape} cannot be evaluated: give an array of shape (m, 3), x y z."
+        )
     return array
 
 
-def field_at(points: Float[np.ndarray, "m 3"], control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "m"]:
+def field_at(
+    points: Float[np.ndarray, "m 3"], control: Float64[np.ndarray, "4 n"]
+) -> Float64[np.ndarray, "m"]:
     """Return f at points (x, y, z); infinite on a control point.
 
     Parameters
@@ -216,7 +226,9 @@ def field_on_grid(
     return out
 
 
-def solid_bounds(control: Float64[np.ndarray, "4 n"], rounds: int = 3, cells: int = 16) -> Float64[np.ndarray, "2 3"]:
+def solid_bounds(
+    control: Float64[np.ndarray, "4 n"], rounds: int = 3, cells: int = 16
+) -> Float64[np.ndarray, "2 3"]:
     """Return a box that surely holds the solid f >= 1, and little more.
 
     Starts from the planes beyond which ``sum k_i / (t - t_i)**2 < 1`` and then, `rounds` times,
@@ -229,9 +241,14 @@ def solid_bounds(control: Float64[np.ndarray, "4 n"], rounds: int = 3, cells: in
     for _ in range(rounds):
         spacing = (high - low) / cells
         full = np.empty((cells, cells, cells), dtype=np.bool_)
-        _upper_bound_on_grid(low + 0.5 * spacing, spacing, 0.5 * float(np.linalg.norm(spacing)), control, full)
+        _upper_bound_on_grid(
+            low + 0.5 * spacing, spacing, 0.5 * float(np.linalg.norm(spacing)), control, full
+        )
         for axis in range(3):
             other = tuple(dim for dim in range(3) if dim != 2 - axis)
             used = np.flatnonzero(full.any(axis=other))
-            low[axis], high[axis] = low[axis] + used[0] * spacing[axis], low[axis] + (used[-1] + 1) * spacing[axis]
+            low[axis], high[axis] = (
+                low[axis] + used[0] * spacing[axis],
+                low[axis] + (used[-1] + 1) * spacing[axis],
+            )
     return np.array([low, high])

@@ -13,62 +13,64 @@ from jaxtyping import Float64
 from numba import njit
 
 from mbstudio.core.errors import AvatarError
-from mbstudio.core.metaball.field import field_and_gradient_at, field_on_grid, solid_bounds
+from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_on_grid, solid_bounds
 
 if TYPE_CHECKING:
     import trimesh
 
 
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def _signed_distance(x, y, z, control):  # pragma: no cover - compiled
+    """Return the first-order distance to f = 1 at a point, positive inside."""
+    total = gx = gy = gz = 0.0
+    for i in range(control.shape[1]):
+        dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
+        inverse = 1.0 / max(dx * dx + dy * dy + dz * dz, 1e-30)
+        term = control[3, i] * inverse
+        total += term
+        slope = term * inverse
+        gx += slope * dx
+        gy += slope * dy
+        gz += slope * dz
+    u = 1.0 / np.sqrt(total)
+    # grad u = -1/2 f**(-3/2) grad f, and grad f is -2 times the sums.
+    steepness = u / total * np.sqrt(gx * gx + gy * gy + gz * gz)
+    return (1.0 - u) / max(steepness, 1e-30)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _quadrature(field, origin, spacing, control):  # pragma: no cover - compiled
-    """Return volume and area of f >= 1 from samples on a grid of cubes of edge `spacing`.
+def _quadrature(u, origin, spacing, control):  # pragma: no cover - compiled
+    """Return volume and area of u <= 1 from samples of u on a grid of cubes of edge `spacing`.
 
     The step across the surface is smeared over 3 cells by a kernel without second moment, so that
     neither curvature nor the bend of u across the surface biases the volume.
     """
-    nz, ny, nx = field.shape
-    n = control.shape[1]
+    nz, ny, nx = u.shape
     reach = 1.5 * spacing
     volume = area = 0.0
-    for iz in range(nz):
-        for iy in range(ny):
-            for ix in range(nx):
-                # Along an axis the surface crosses at most sqrt(3) times its distance away: the cheap
-                # test below only decides where the exact distance is worth computing.
-                near = False
-                inside = field[iz, iy, ix] >= 1.0
-                for step in range(-3, 4):
-                    for axis in range(3):
-                        jz = min(max(iz + (step if axis == 0 else 0), 0), nz - 1)
-                        jy = min(max(iy + (step if axis == 1 else 0), 0), ny - 1)
-                        jx = min(max(ix + (step if axis == 2 else 0), 0), nx - 1)
-                        if (field[jz, jy, jx] >= 1.0) != inside:
-                            near = True
-                if not near:
-                    if inside:
+    for iz in range(1, nz - 1):
+        for iy in range(1, ny - 1):
+            for ix in range(1, nx - 1):
+                here = u[iz, iy, ix]
+                # Differences of neighbours tell how far the surface is, within a factor of 2 where
+                # it is near: they only decide where the exact distance is worth computing.
+                by_x = u[iz, iy, ix + 1] - u[iz, iy, ix - 1]
+                by_y = u[iz, iy + 1, ix] - u[iz, iy - 1, ix]
+                by_z = u[iz + 1, iy, ix] - u[iz - 1, iy, ix]
+                # (1 - u) / |grad u| > 3 cells, both sides squared; |grad u| is half the difference.
+                if (1.0 - here) ** 2 > 2.25 * (by_x * by_x + by_y * by_y + by_z * by_z):
+                    if here < 1.0:
                         volume += 1.0
                     continue
                 x, y, z = origin[0] + ix * spacing, origin[1] + iy * spacing, origin[2] + iz * spacing
-                total = gx = gy = gz = 0.0
-                for i in range(n):
-                    dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
-                    inverse = 1.0 / max(dx * dx + dy * dy + dz * dz, 1e-30)
-                    term = control[3, i] * inverse
-                    total += term
-                    slope = -2.0 * term * inverse
-                    gx += slope * dx
-                    gy += slope * dy
-                    gz += slope * dz
-                u = 1.0 / np.sqrt(total)
-                steepness = 0.5 * u / total * np.sqrt(gx * gx + gy * gy + gz * gz)
-                t = (1.0 - u) / max(steepness, 1e-30) / reach
+                t = _signed_distance(x, y, z, control) / reach
                 if t >= 1.0:
                     volume += 1.0
                 elif t > -1.0:
                     square = t * t
-                    kernel = 15.0 / 32.0 * (1.0 - square) * (3.0 - 7.0 * square)
-                    volume += 0.5 + 15.0 / 32.0 * t * (3.0 - 10.0 / 3.0 * square + 7.0 / 5.0 * square * square)
-                    area += kernel / reach
+                    step = 3.0 - 10.0 / 3.0 * square + 7.0 / 5.0 * square * square
+                    volume += 0.5 + 15.0 / 32.0 * t * step
+                    area += 15.0 / 32.0 * (1.0 - square) * (3.0 - 7.0 * square) / reach
     return volume * spacing**3, area * spacing**3
 
 
@@ -80,7 +82,9 @@ def sample_solid(
     spacing = float((high - low).max()) / cells
     counts = np.ceil((high - low) / spacing).astype(int) + 5
     origin = 0.5 * (low + high) - 0.5 * (counts - 1) * spacing
-    field = field_on_grid(origin, np.full(3, spacing), (int(counts[2]), int(counts[1]), int(counts[0])), control)
+    field = field_on_grid(
+        origin, np.full(3, spacing), (int(counts[2]), int(counts[1]), int(counts[0])), control
+    )
     return field, origin, spacing
 
 
@@ -89,12 +93,15 @@ def volume_and_area(
 ) -> tuple[float, float]:
     """Return volume and surface area of f >= 1 by quadrature on a grid, `cells` on the longest side."""
     field, origin, spacing = sample_solid(control, cells, bounds)
-    volume, area = _quadrature(field, origin, spacing, control)
+    volume, area = _quadrature(1.0 / np.sqrt(field), origin, spacing, control)
     return float(volume), float(area)
 
 
 def project_to_surface(
-    points: Float64[np.ndarray, "m 3"], control: Float64[np.ndarray, "4 n"], steps: int = 3, longest: float = np.inf
+    points: Float64[np.ndarray, "m 3"],
+    control: Float64[np.ndarray, "4 n"],
+    steps: int = 3,
+    longest: float = np.inf,
 ) -> Float64[np.ndarray, "m 3"]:
     """Move points along the gradient onto f = 1 by Newton steps on u, none longer than `longest`."""
     moved = np.array(points, dtype=np.float64)

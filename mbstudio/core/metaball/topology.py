@@ -108,7 +108,10 @@ def _join_by_lines(control, parent, samples):  # pragma: no cover - compiled
 
 
 def _groups(
-    field: Float32[np.ndarray, "Z Y X"], origin: np.ndarray, spacing: float, control: Float64[np.ndarray, "4 n"]
+    field: Float32[np.ndarray, "Z Y X"],
+    origin: np.ndarray,
+    spacing: float,
+    control: Float64[np.ndarray, "4 n"],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the group of each control point (grid, then lines) and its volume in nodes."""
     import cc3d

@@ -23,7 +23,9 @@ def points_outside(avatar: Avatar, grain: Grain) -> int:
     from mbstudio.core.units import conversion_factor
 
     factor = conversion_factor(avatar.unit, grain.unit)
-    index = np.rint((avatar.centers * factor - np.asarray(grain.origin)) / grain.voxel_size.xyz).astype(int)[:, ::-1]
+    index = np.rint((avatar.centers * factor - np.asarray(grain.origin)) / grain.voxel_size.xyz).astype(int)[
+        :, ::-1
+    ]
     shape = np.array(grain.mask.shape)
     within = ((index >= 0) & (index < shape)).all(axis=1)
     inside = np.zeros(avatar.n, dtype=bool)
@@ -78,9 +80,15 @@ def check(
         points = "1 control point lies" if counted == 1 else f"{counted} control points lie"
         reasons.append(f"{points} outside the grain: fit it anew with method 'fast'.")
     if abs(volume_error) > MOST_VOLUME_ERROR:
-        reasons.append(f"The volume differs by {100 * volume_error:+.1f} %: n too small for this shape: {more}.")
-    if grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(grain.unit, avatar.unit):
-        reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: n too small for this shape: {more}.")
+        reasons.append(
+            f"The volume differs by {100 * volume_error:+.1f} %: n too small for this shape: {more}."
+        )
+    if grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(
+        grain.unit, avatar.unit
+    ):
+        reasons.append(
+            f"The surface lies {rms:.3g} {avatar.unit} off on average: n too small for this shape: {more}."
+        )
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),
