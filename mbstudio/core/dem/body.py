@@ -11,6 +11,7 @@ import numpy as np
 from mbstudio.core.errors import ExportError, MbstudioError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.mass import MassProperties, mass_properties
+from mbstudio.core.metrics.surfaces import avatar_surface, pieces_and_voids
 from mbstudio.core.units import conversion_factor
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -58,7 +59,7 @@ def prepare_bodies(
     Raises
     ------
     ExportError
-        If an avatar has no mass properties (several pieces, no volume).
+        If an avatar is in several pieces, hollow, or has no volume.
     """
     return [_prepare(avatar, name, unit, density) for avatar, name in zip(avatars, names, strict=True)]
 
@@ -67,8 +68,14 @@ def _prepare(avatar: Avatar, name: str, unit: str, density: float | None) -> Dem
     factor = conversion_factor(avatar.unit, unit)
     try:
         mass = mass_properties(avatar, 1.0 if density is None else density).to(unit)
+        voids = pieces_and_voids(*avatar_surface(avatar).coarse)[1]
     except MbstudioError as error:
         raise ExportError(f"'{name}' cannot be exported: {error}") from error
+    if voids:
+        raise ExportError(
+            f"'{name}' cannot be exported: it has {voids} void(s) inside, which an engine would fill or trip "
+            "over. Fit it again with more control points."
+        )
     local = replace(
         avatar,
         centers=(avatar.centers * factor - mass.com) @ mass.rotation,

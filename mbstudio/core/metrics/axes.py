@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from mbstudio.core.errors import MeasureError
 
-_STARTS = 600
-_KEPT = 12
-_KEPT_TO_THE_END = 4
+_STARTS = 1500
+_KEPT = 32
+_KEPT_TO_THE_END = 8
 _TRIALS = 48
 _STAGES = 20
 _SHRINK = 0.65
@@ -46,7 +46,7 @@ def convex_hull(points: Float[np.ndarray, "m 3"]) -> ConvexHull:
 
 
 def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | None = None) -> BoundingBox:
-    """Return the oriented bounding box of least volume, to about 1e-4 of its volume.
+    """Return the oriented bounding box of least volume, to about 1e-5 of its volume.
 
     The volume as a function of the rotation has kinks wherever the touching vertices change,
     so it is searched without derivatives: evenly spread rotations (and the body's principal

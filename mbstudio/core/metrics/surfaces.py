@@ -104,15 +104,20 @@ def subdivide(
 
 def outer_pieces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> int:
     """Return how many solid pieces a closed mesh has; cavities (shells of negative volume) do not count."""
+    return pieces_and_voids(vertices, faces)[0]
+
+
+def pieces_and_voids(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[int, int]:
+    """Return how many shells of positive and of negative volume a closed mesh has."""
     rows, columns = faces[:, [0, 1]].T
     graph = coo_array(
         (np.ones(len(faces), dtype=np.int8), (rows, columns)), shape=(len(vertices), len(vertices))
     )
     count, of_vertex = connected_components(graph + graph.T, directed=False)
     if count == 1:
-        return 1
+        return 1, 0
     volumes = np.bincount(of_vertex[faces[:, 0]], weights=signed_volumes(vertices, faces), minlength=count)
-    return int(np.count_nonzero(volumes > 0))
+    return int(np.count_nonzero(volumes > 0)), int(np.count_nonzero(volumes < 0))
 
 
 def signed_volumes(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 import mbstudio
@@ -135,6 +136,15 @@ def test_an_avatar_in_pieces_names_itself_and_leaves_nothing(avatar, tmp_path):
     pieces = Avatar([[-5, 0, 0], [5, 0, 0]], [1.0, 1.0], "mm", name="broken")
     with pytest.raises(ExportError, match=r"'broken' cannot be exported.*2 pieces"):
         export([avatar, pieces], "stl", tmp_path / "out", cells=12)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_hollow_avatar_is_refused(tmp_path):
+    shell = trimesh.creation.icosphere(2, radius=3.0).vertices
+    hollow = Avatar(shell, np.full(len(shell), 0.05), "mm", name="egg")
+    assert hollow.field(np.zeros((1, 3)))[0] < 1 < hollow.field(shell[:1] * 1.01)[0]
+    with pytest.raises(ExportError, match=r"'egg' cannot be exported: it has 1 void"):
+        export(hollow, "stl", tmp_path / "out", cells=12)
     assert not any(tmp_path.iterdir())
 
 
