@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -145,15 +146,10 @@ def complete_options(target: Target, given: Mapping[str, Any]) -> dict[str, Any]
 def _checked(target: Target, name: str, option: Option, value: Any) -> Any:
     if value is None:
         return option.default
-    wanted = type(option.default)
-    try:
-        converted = value if isinstance(value, wanted) else wanted(value)
-    except (TypeError, ValueError) as error:
-        raise ExportError(
-            f"Option '{name}' of '{target.name}' cannot be {value!r}: {option.meaning}."
-        ) from error
-    if wanted in (int, float) and converted != value:
-        raise ExportError(f"Option '{name}' of '{target.name}' cannot be {value!r}: give a whole number.")
+    converted = _converted(value, type(option.default))
+    if converted is None:
+        kind = {bool: "yes or no", int: "a whole number", float: "a number"}.get(type(option.default), "text")
+        raise ExportError(f"Option '{name}' of '{target.name}' cannot be {value!r}: give {kind}.")
     too_low = option.minimum is not None and not converted >= option.minimum
     too_high = option.maximum is not None and not converted <= option.maximum
     if too_low or too_high:
@@ -161,3 +157,19 @@ def _checked(target: Target, name: str, option: Option, value: Any) -> Any:
         high = "" if option.maximum is None else f" to {option.maximum:g}"
         raise ExportError(f"Option '{name}' of '{target.name}' is {value!r}: give a number{low}{high}.")
     return converted
+
+
+def _converted(value: Any, wanted: type) -> Any:
+    """Return a value, or text from a command line, as the wanted type; None if it is not one."""
+    if wanted is bool:
+        words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+        return words.get(str(value).strip().lower())
+    if wanted in (int, float):
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            return None
+        if not math.isfinite(number) or (wanted is int and number != int(number)):
+            return None
+        return wanted(number)
+    return str(value)

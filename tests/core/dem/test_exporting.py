@@ -104,6 +104,8 @@ def test_without_a_density_no_mass_is_stated(avatar, tmp_path):
         ({"cells": 3}, "from 8 to 200"),
         ({"cells": "many"}, "cannot be 'many'"),
         ({"cells": 20.5}, "whole number"),
+        ({"cells": float("inf")}, "whole number"),
+        ({"binary": "perhaps"}, "yes or no"),
         ({"spheres": 3}, "no option 'spheres'"),
     ],
 )
@@ -112,6 +114,12 @@ def test_what_cannot_be_is_named_and_nothing_is_written(change, message, avatar,
     with pytest.raises(ExportError, match=message):
         export(avatar, arguments.pop("target"), tmp_path / "out", **arguments)
     assert not any(tmp_path.iterdir())
+
+
+def test_options_may_come_as_text_from_a_command_line(avatar, tmp_path):
+    report = export(avatar, "stl", tmp_path / "out", cells="12", binary="no")
+    assert report.manifest["options"] == {"cells": 12, "binary": False}
+    assert (tmp_path / "out" / "grain_1.stl").read_text().startswith("solid")
 
 
 def test_an_unknown_unit_and_an_empty_selection_are_refused(avatar, tmp_path):
