@@ -38,7 +38,10 @@ def synthetic_recipes() -> dict[str, tuple[PhantomRecipe, int]]:
         "noisier and more blurred": (replace(sample, noise=0.1, blur=1.0), 2),
         "pressed together": (replace(sample, contact_overlap=150), 3),
         "no field of view": (replace(sample, field_of_view_radius=None, shape=(110, 140, 130)), 4),
-        "grains half as large": (replace(sample, kinds=small, shape=(90, 120, 120), field_of_view_radius=58.0), 5),
+        "grains half as large": (
+            replace(sample, kinds=small, shape=(90, 120, 120), field_of_view_radius=58.0),
+            5,
+        ),
     }
 
 
@@ -68,10 +71,13 @@ def main() -> None:
         score = agreement(grains.labels[arguments.slice], hand)
         table.add_row(
             f"{arguments.scan.name}, slice {arguments.slice}", f"{np.prod(scan.shape):,}", str(len(grains)),
-            str(score.true), f"{score.foreground_iou:.3f}", f"{score.f1:.3f}", f"{seconds:.1f}", f"{peak_memory():.2f}",
+            str(score.true), f"{score.foreground_iou:.3f}", f"{score.f1:.3f}", f"{seconds:.1f}",
+            f"{peak_memory():.2f}",
         )  # fmt: skip
     else:
-        print(f"The real scan is not there, only synthetic ones are scored: {arguments.scan}", file=sys.stderr)
+        print(
+            f"The real scan is not there, only synthetic ones are scored: {arguments.scan}", file=sys.stderr
+        )
     for name, (recipe, seed) in synthetic_recipes().items():
         phantom = make_phantom(recipe, seed)
         start = time.perf_counter()

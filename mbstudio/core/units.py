@@ -104,7 +104,10 @@ class VoxelSize:
         if isinstance(size, str):
             match = _LENGTHS.match(size)
             if match is None:
-                raise UnitError(f"Cannot read the voxel size '{size}': write it as '14 um' or '20 x 14 x 14 um' (z, y, x).")
+                raise UnitError(
+                    f"Cannot read the voxel size '{size}': "
+                    "write it as '14 um' or '20 x 14 x 14 um' (z, y, x)."
+                )
             edges = [float(number) for number in re.findall(_NUMBER, match["numbers"])]
             unit = match["unit"] or unit
         else:
@@ -114,7 +117,9 @@ class VoxelSize:
         if len(edges) == 1:
             edges = edges * 3
         if len(edges) != 3:
-            raise UnitError(f"The voxel size '{size}' has {len(edges)} values: give one, or three in the order z, y, x.")
+            raise UnitError(
+                f"The voxel size '{size}' has {len(edges)} values: give one, or three in the order z, y, x."
+            )
         return cls(*edges, unit=unit)
 
     @property

@@ -64,24 +64,31 @@ def find_field_of_view(voxels: Shaped[np.ndarray, "Z Y X"]) -> FieldOfView:
     as far as they hang together with the box's edge. They are believed if what is left is one
     convex cross-section: an image whose pores happen to be zero does not pass.
     """
-    shape = (voxels.shape[0], voxels.shape[1], voxels.shape[2])
+    nz, ny, nx = voxels.shape
     padding = voxels[0, 0, 0]
-    for axis in range(3):
-        footprint = _seen(voxels, padding, axis)
-        if footprint is not None:
-            return FieldOfView(axis, footprint, shape)
-    return FieldOfView(0, np.ones(shape[1:], dtype=bool), shape)
+    along_z = np.ones((ny, nx), dtype=bool)
+    along_y = np.ones((nz, nx), dtype=bool)
+    along_x = np.ones((nz, ny), dtype=bool)
+    for z in range(nz):
+        unseen = np.asarray(voxels[z]) == padding
+        along_z &= unseen
+        along_y[z] = unseen.all(axis=0)
+        along_x[z] = unseen.all(axis=1)
+    # A cylinder lies in a box seen from the side, too: the axis along which most is unseen is its own.
+    best = FieldOfView(0, np.ones((ny, nx), dtype=bool), (nz, ny, nx))
+    for axis, unseen in enumerate((along_z, along_y, along_x)):
+        footprint = _seen(unseen)
+        if footprint is not None and footprint.mean() < best.footprint.mean():
+            best = FieldOfView(axis, footprint, (nz, ny, nx))
+    return best
 
 
-def _seen(voxels: Shaped[np.ndarray, "Z Y X"], padding: object, axis: int) -> Bool[np.ndarray, "a b"] | None:
-    """Return the cross-section seen along an axis, None if it makes no field of view."""
+def _seen(unseen: Bool[np.ndarray, "a b"]) -> Bool[np.ndarray, "a b"] | None:
+    """Return the cross-section that is seen, None if it makes no field of view."""
     from skimage.morphology import convex_hull_image
 
-    unseen = np.ones([count for other, count in enumerate(voxels.shape) if other != axis], dtype=bool)
-    for index in range(voxels.shape[axis]):
-        unseen &= voxels[(slice(None),) * axis + (index,)] == padding
-        if not unseen.any():
-            return None
+    if not unseen.any():
+        return None
     pieces, _ = ndimage.label(unseen)
     edge = np.concatenate([pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]])
     outside = np.isin(pieces, np.unique(edge[edge > 0]))

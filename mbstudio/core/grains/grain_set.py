@@ -58,7 +58,9 @@ class GrainSet:
         """Return the grain with this label; GrainError if there is none."""
         rows = np.flatnonzero(self.table["label"].to_numpy() == label)
         if not len(rows):
-            raise GrainError(f"There is no grain {label}: the labels run from 1 to {int(self.table['label'].max())}.")
+            raise GrainError(
+                f"There is no grain {label}: the labels run from 1 to {int(self.table['label'].max())}."
+            )
         return self[int(rows[0])]
 
     @property

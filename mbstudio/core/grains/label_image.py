@@ -62,7 +62,8 @@ def load_labels(
     labels = _whole_numbers(image, name)
     if scan is not None and labels.shape != scan.shape:
         raise SegmentationError(
-            f"{name} has shape {labels.shape}, but the scan {scan.shape} (z, y, x): labels must cover the same voxels."
+            f"{name} has shape {labels.shape}, but the scan {scan.shape} (z, y, x): "
+            "labels must cover the same voxels."
         )
     if scan is not None:
         size, origin = scan.voxel_size, scan.origin
@@ -93,14 +94,18 @@ def _image(
         opened = open_scan(source, voxel_size, unit=unit)
         return np.asarray(opened.voxels), opened.voxel_size, opened.origin, str(source)
     if voxel_size is None:
-        raise SegmentationError("The labels have no voxel size: give scan or voxel_size, for example '14 um'.")
+        raise SegmentationError(
+            "The labels have no voxel size: give scan or voxel_size, for example '14 um'."
+        )
     return np.asarray(source), VoxelSize.parse(voxel_size, unit), (0.0, 0.0, 0.0), "The label image"
 
 
 def _whole_numbers(image: np.ndarray, name: str) -> Int[np.ndarray, "Z Y X"]:
     """Return the image as whole numbers."""
     if image.ndim != 3 or 0 in image.shape:
-        raise SegmentationError(f"{name} has shape {image.shape}: labels need three axes (z, y, x), none empty.")
+        raise SegmentationError(
+            f"{name} has shape {image.shape}: labels need three axes (z, y, x), none empty."
+        )
     if image.dtype.kind == "f":
         if not np.isfinite(image).all() or not (image == np.rint(image)).all():
             raise SegmentationError(f"{name} holds values that are no whole numbers: it is no label image.")
@@ -110,7 +115,9 @@ def _whole_numbers(image: np.ndarray, name: str) -> Int[np.ndarray, "Z Y X"]:
     elif image.dtype.kind not in "ui":
         raise SegmentationError(f"{name} holds {image.dtype}: labels are whole numbers.")
     if image.dtype.kind == "i" and image.min() < 0:
-        raise SegmentationError(f"{name} holds negative numbers: labels start at 1, with 0 outside all grains.")
+        raise SegmentationError(
+            f"{name} holds negative numbers: labels start at 1, with 0 outside all grains."
+        )
     return image
 
 
@@ -128,9 +135,8 @@ def _keep_largest_pieces(labels: Int[np.ndarray, "Z Y X"], name: str) -> None:
             dropped += int(sizes.sum() - sizes.max())
     if broken:
         warnings.warn(
-            f"{name}: {broken} labels were in several pieces; the largest of each was kept and {dropped:,} voxels dropped.",
+            f"{name}: {broken} labels were in several pieces; the largest of each was kept and "
+            f"{dropped:,} voxels dropped.",
             GrainWarning,
             stacklevel=3,
         )
-
-

@@ -45,10 +45,8 @@ def grain_set_of(
 
 def statistics(
     labels: Int[np.ndarray, "Z Y X"], rim: Bool[np.ndarray, "Z Y X"] | None = None
-) -> tuple[
-    Int[np.ndarray, "n"], Int[np.ndarray, "n 6"], Int[np.ndarray, "n 3"], Bool[np.ndarray, "n"]
-]:
-    """Return voxels, bounding box (z0, z1, y0, y1, x0, x1), sums of indices, and cut off or not, per label."""
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n 6"], Int[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
+    """Return per label: voxels, box (z0, z1, y0, y1, x0, x1), sums of indices, cut off or not."""
     count = int(labels.max(initial=0))
     voxels = np.zeros(count + 1, np.int64)
     boxes = np.zeros((count + 1, 6), np.int64)
@@ -56,7 +54,9 @@ def statistics(
     sums = np.zeros((count + 1, 3), np.int64)
     cut = np.zeros(count + 1, np.bool_)
     has_rim = rim is not None
-    _gather(labels, rim if rim is not None else np.zeros((1, 1, 1), np.bool_), has_rim, voxels, boxes, sums, cut)
+    _gather(
+        labels, rim if rim is not None else np.zeros((1, 1, 1), np.bool_), has_rim, voxels, boxes, sums, cut
+    )
     boxes[voxels == 0] = 0
     return voxels[1:], boxes[1:], sums[1:], cut[1:]
 
@@ -87,9 +87,7 @@ def _gather(
                 if has_rim:
                     cut[label] |= rim[z, y, x]
                 else:
-                    cut[label] |= (
-                        z == 0 or y == 0 or x == 0 or z == nz - 1 or y == ny - 1 or x == nx - 1
-                    )
+                    cut[label] |= z == 0 or y == 0 or x == 0 or z == nz - 1 or y == ny - 1 or x == nx - 1
 
 
 def box_of(row: Int[np.ndarray, "6"], margin: int = 0) -> tuple[slice, slice, slice]:

@@ -47,7 +47,7 @@ def grain_from_mask(
             )
         inside = pieces == 1 + int(counts.argmax())
     box = bounding_box(inside)
-    inside = np.ascontiguousarray(inside[box])
+    inside = inside[box].copy()
     if fill_cavities:
         filled = without_cavities(inside)
         cavity = int(np.count_nonzero(filled)) - int(np.count_nonzero(inside))
@@ -68,7 +68,9 @@ def grain_from_mask(
 def _boolean(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
     """Return the mask as booleans; GrainError unless it is 3-D, two-valued and not empty."""
     if mask.ndim != 3 or 0 in mask.shape:
-        raise GrainError(f"The mask of '{name}' has shape {mask.shape}: it needs three axes (z, y, x), none empty.")
+        raise GrainError(
+            f"The mask of '{name}' has shape {mask.shape}: it needs three axes (z, y, x), none empty."
+        )
     if mask.dtype.kind not in "buif":
         raise GrainError(f"The mask of '{name}' holds {mask.dtype}: use booleans.")
     if mask.dtype != bool:
@@ -87,11 +89,16 @@ def _boolean(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
 
 
 def grain_from_mesh(
-    mesh: str | Path | trimesh.Trimesh, resolution: int = 120, unit: str | None = None, name: str | None = None
+    mesh: str | Path | trimesh.Trimesh,
+    resolution: int = 120,
+    unit: str | None = None,
+    name: str | None = None,
 ) -> Grain:
     """Make a grain of a closed surface mesh; see `Grain.from_mesh`."""
     if int(resolution) != resolution or not 4 <= resolution <= 2000:
-        raise GrainError(f"resolution={resolution} is impossible: give a whole number of voxels from 4 to 2000.")
+        raise GrainError(
+            f"resolution={resolution} is impossible: give a whole number of voxels from 4 to 2000."
+        )
     body, source = _loaded(mesh)
     unit = unit or body.units
     if not unit:
@@ -102,15 +109,19 @@ def grain_from_mesh(
     edge = float((high - low).max()) / int(resolution)
     counts = np.maximum(np.ceil((high - low) / edge - 1e-9).astype(int), 1)
     first = (low + high) / 2 - edge * (counts - 1) / 2
-    inside = voxelise(body.vertices, body.faces, first, edge, (int(counts[2]), int(counts[1]), int(counts[0])))
+    inside = voxelise(
+        body.vertices, body.faces, first, edge, (int(counts[2]), int(counts[1]), int(counts[0]))
+    )
     if not inside.any():
-        raise GrainError(f"{source} is too thin for a resolution of {resolution} voxels: raise the resolution.")
-    pieces, sizes = pieces_of(inside)
+        raise GrainError(
+            f"{source} is too thin for a resolution of {resolution} voxels: raise the resolution."
+        )
+    _, sizes = pieces_of(inside)
     if len(sizes) > 1:
         lost = 1 - sizes.max() / sizes.sum()
         warnings.warn(
-            f"{source} falls into {len(sizes)} pieces at a resolution of {resolution} voxels; the largest was kept and "
-            f"{lost:.2%} of the volume dropped: raise the resolution.",
+            f"{source} falls into {len(sizes)} pieces at a resolution of {resolution} voxels; "
+            f"the largest was kept and {lost:.2%} of the volume dropped: raise the resolution.",
             GrainWarning,
             stacklevel=3,
         )
@@ -126,7 +137,9 @@ def _loaded(mesh: str | Path | trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
     import trimesh
 
     if isinstance(mesh, trimesh.Trimesh):
-        return trimesh.Trimesh(mesh.vertices, mesh.faces, process=True, metadata=dict(mesh.metadata)), "The mesh"
+        return trimesh.Trimesh(
+            mesh.vertices, mesh.faces, process=True, metadata=dict(mesh.metadata)
+        ), "The mesh"
     path = Path(mesh)
     if not path.is_file():
         raise MeshError(f"{path} does not exist: check the name and the folder.")
@@ -150,13 +163,15 @@ def _closed(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
     open_edges, crowded = int(np.count_nonzero(uses == 1)), int(np.count_nonzero(uses > 2))
     if not len(uses) or open_edges:
         raise MeshError(
-            f"{source} is not closed: {open_edges} open edges bound its holes; close them first, for example in MeshLab "
-            "with Filters > Remeshing > Close Holes, or take a grain whose whole surface was scanned."
+            f"{source} is not closed: {open_edges} open edges bound its holes; "
+            "close them first, for example in MeshLab with Filters > Remeshing > Close Holes, "
+            "or take a grain whose whole surface was scanned."
         )
     if crowded:
         raise MeshError(
-            f"{source} is not the surface of one body: {crowded} edges are shared by more than two triangles; "
-            "remove inner faces first, for example in MeshLab with Filters > Cleaning > Repair non Manifold Edges."
+            f"{source} is not the surface of one body: {crowded} edges are shared by more than two "
+            "triangles; remove inner faces first, "
+            "for example in MeshLab with Filters > Cleaning > Repair non Manifold Edges."
         )
     if mesh.body_count > 1:
         raise MeshError(f"{source} holds {mesh.body_count} separate bodies: save each grain as its own file.")

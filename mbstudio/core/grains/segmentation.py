@@ -22,7 +22,13 @@ from mbstudio.core.errors import ScanError, SegmentationError
 from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
 from mbstudio.core.grains.flooding import split_by_necks
 from mbstudio.core.grains.grain_set import GrainSet
-from mbstudio.core.grains.labelling import box_of, fill_label_cavities, grain_set_of, kept_and_numbered, statistics
+from mbstudio.core.grains.labelling import (
+    box_of,
+    fill_label_cavities,
+    grain_set_of,
+    kept_and_numbered,
+    statistics,
+)
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
@@ -74,7 +80,9 @@ class SegmentationSettings:
         if self.threshold is not None and not math.isfinite(self.threshold):
             raise SegmentationError(f"threshold={self.threshold} is impossible: give a grey value or None.")
         if not 0 <= self.splitting <= 1:
-            raise SegmentationError(f"splitting={self.splitting} is impossible: give 0 (never) to 1 (at every neck).")
+            raise SegmentationError(
+                f"splitting={self.splitting} is impossible: give 0 (never) to 1 (at every neck)."
+            )
         if not self.smallest_voxels >= 1:
             raise SegmentationError(f"smallest_voxels={self.smallest_voxels} is impossible: give 1 or more.")
 
@@ -136,8 +144,8 @@ def segment(
         count = kept_and_numbered(labels, ~cut)
     if not count:
         raise SegmentationError(
-            f"No grains were found in {scan.path or 'the scan'} above the grey value {threshold:g}: check the threshold, "
-            "the smallest grain and whether border grains are dropped."
+            f"No grains were found in {scan.path or 'the scan'} above the grey value {threshold:g}: "
+            "check the threshold, the smallest grain and whether border grains are dropped."
         )
     tell(0.97, "Making the table")
     grains = grain_set_of(labels, scan.voxel_size, scan.origin, view.rim)
@@ -149,7 +157,9 @@ def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -
     known = SegmentationSettings.__dataclass_fields__
     for name in overrides:
         if name not in known:
-            raise SegmentationError(f"'{name}' is no setting of the segmentation: use one of {', '.join(known)}.")
+            raise SegmentationError(
+                f"'{name}' is no setting of the segmentation: use one of {', '.join(known)}."
+            )
     return replace(settings, **overrides)
 
 
@@ -166,11 +176,16 @@ def _require_contrast(voxels: Shaped[np.ndarray, "Z Y X"], scan: Scan) -> None:
             )
         low, high = min(low, float(part.min())), max(high, float(part.max()))
     if low == high:
-        raise ScanError(f"{name} is constant: every voxel is {low:g}. Check that the right file was exported.")
+        raise ScanError(
+            f"{name} is constant: every voxel is {low:g}. Check that the right file was exported."
+        )
 
 
 def _threshold(
-    voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize, settings: SegmentationSettings
+    voxels: Shaped[np.ndarray, "Z Y X"],
+    view: FieldOfView,
+    voxel_size: VoxelSize,
+    settings: SegmentationSettings,
 ) -> tuple[Bool[np.ndarray, "Z Y X"], float]:
     """Return which voxels are grain, and the grey value that parts them."""
     seen = view.mask

@@ -30,17 +30,21 @@ def surface_mesh(
     """
     shortest = min(voxel_size.zyx)
     mesh = None
+    target = np.count_nonzero(mask) * voxel_size.volume
     for smoothing in _SMOOTHINGS:
         sigma = [smoothing * shortest / edge for edge in voxel_size.zyx]
         mesh = _mesh_of_volume(mask, sigma, voxel_size)
-        if mesh.body_count == 1 and mesh.is_watertight:
+        whole = mesh.body_count == 1 and mesh.is_watertight
+        if whole and abs(mesh.volume / target - 1) < 0.02:
             break
     assert mesh is not None
     mesh.apply_translation(origin)
     return mesh
 
 
-def _mesh_of_volume(mask: Bool[np.ndarray, "Z Y X"], sigma: list[float], voxel_size: VoxelSize) -> trimesh.Trimesh:
+def _mesh_of_volume(
+    mask: Bool[np.ndarray, "Z Y X"], sigma: list[float], voxel_size: VoxelSize
+) -> trimesh.Trimesh:
     """Return the surface of the smoothed mask at the level that keeps the volume."""
     margin = 4
     field = np.pad(mask, margin).astype(np.float32)
@@ -52,7 +56,8 @@ def _mesh_of_volume(mask: Bool[np.ndarray, "Z Y X"], sigma: list[float], voxel_s
         return _contour(field, 0.5, voxel_size, margin)
     # Start where as many voxels lie above the level as the grain has, then correct by secants.
     levels = [float(np.partition(field.ravel(), field.size - count)[field.size - count])]
-    levels = [min(max(levels[0], 0.02), 0.9)]
+    top = float(field.max())
+    levels = [float(np.clip(levels[0], 0.05 * top, 0.95 * top))]
     mesh = _contour(field, levels[0], voxel_size, margin)
     errors = [mesh.volume / target - 1]
     level = levels[0] * 1.05 if errors[0] > 0 else levels[0] * 0.95
@@ -65,13 +70,15 @@ def _mesh_of_volume(mask: Bool[np.ndarray, "Z Y X"], sigma: list[float], voxel_s
         slope = (errors[-1] - errors[-2]) / (levels[-1] - levels[-2])
         if slope == 0:
             break
-        level = float(np.clip(levels[-1] - errors[-1] / slope, 0.01, 0.98 * float(field.max())))
+        level = float(np.clip(levels[-1] - errors[-1] / slope, 0.02 * top, 0.98 * top))
         if level in levels:
             break
     return mesh
 
 
-def _contour(field: Float[np.ndarray, "z y x"], level: float, voxel_size: VoxelSize, margin: int) -> trimesh.Trimesh:
+def _contour(
+    field: Float[np.ndarray, "z y x"], level: float, voxel_size: VoxelSize, margin: int
+) -> trimesh.Trimesh:
     """Return the surface of the field at a level, outward, with voxel [margin, ...] at the origin."""
     import trimesh
     from skimage.measure import marching_cubes

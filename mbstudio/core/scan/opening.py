@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers import ReadOptions, Reading, family_of
+from mbstudio.core.scan.readers import Reading, ReadOptions, family_of
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize, conversion_factor
 
@@ -85,12 +85,15 @@ def _place(
     if voxel_size is not None:
         return VoxelSize.parse(voxel_size, unit), (0.0, 0.0, 0.0)
     if reading.spacing is None:
-        raise UnitError(f"{path} does not say how large its voxels are: give voxel_size, for example '14 um'.")
+        raise UnitError(
+            f"{path} does not say how large its voxels are: give voxel_size, for example '14 um'."
+        )
     file_unit = unit or reading.unit
     if file_unit is None:
         edges = " x ".join(f"{edge:g}" for edge in reading.spacing)
         raise UnitError(
-            f"{path} gives a voxel size of {edges} (z, y, x) without a unit: give unit, for example 'um', or voxel_size."
+            f"{path} gives a voxel size of {edges} (z, y, x) without a unit: "
+            "give unit, for example 'um', or voxel_size."
         )
     try:
         size = VoxelSize(*reading.spacing, unit=file_unit)
@@ -99,7 +102,9 @@ def _place(
     return _readable(size, reading.origin)
 
 
-def _readable(size: VoxelSize, origin: tuple[float, float, float]) -> tuple[VoxelSize, tuple[float, float, float]]:
+def _readable(
+    size: VoxelSize, origin: tuple[float, float, float]
+) -> tuple[VoxelSize, tuple[float, float, float]]:
     """Express centimetres of a TIFF resolution tag in the unit that suits the voxel."""
     if size.unit != "cm":
         return size, origin

@@ -96,14 +96,19 @@ class PhantomRecipe:
     def _from_content(cls, content: Mapping[str, Any]) -> PhantomRecipe:
         grey, inclusions = content.get("grey", {}), content.get("inclusions", {})
         plain = {
-            key: content[key] for key in ("field_of_view_radius", "blur", "noise", "contact_overlap") if key in content
+            key: content[key]
+            for key in ("field_of_view_radius", "blur", "noise", "contact_overlap")
+            if key in content
         }
         low, high = inclusions.get("diameter", (4.0, 8.0))
         return cls(
             shape=tuple(int(count) for count in content["shape"]),  # type: ignore[arg-type]
             voxel_size=VoxelSize.parse(content["voxel_size"]),
             kinds=MappingProxyType(
-                {name: KindOfGrain(kind["share"], tuple(kind["diameter"])) for name, kind in content["kinds"].items()}
+                {
+                    name: KindOfGrain(kind["share"], tuple(kind["diameter"]))
+                    for name, kind in content["kinds"].items()
+                }
             ),
             inclusions=inclusions.get("count", 0),
             inclusion_diameter=(low, high),
@@ -154,12 +159,16 @@ def make_phantom(recipe: PhantomRecipe, seed: int = 0) -> Phantom:
         If the recipe names no kinds of grains, or its box is too small for one grain.
     """
     if not recipe.kinds:
-        raise ScanError("The recipe names no kinds of grains: add at least one [kinds.<name>] with share and diameter.")
+        raise ScanError(
+            "The recipe names no kinds of grains: add at least one [kinds.<name>] with share and diameter."
+        )
     rng = np.random.default_rng(seed)
     placed = _pack(recipe, rng)
     labels, fill, grey, kinds = _draw(recipe, placed, rng)
     if not kinds:
-        raise ScanError(f"No grain fits into the recipe's box {recipe.shape}: make it larger or the grains smaller.")
+        raise ScanError(
+            f"No grain fits into the recipe's box {recipe.shape}: make it larger or the grains smaller."
+        )
     image = recipe.void + fill * (grey - recipe.void)
     image = ndimage.gaussian_filter(image.astype(np.float32), recipe.blur, mode="nearest")
     deviation = recipe.noise * np.sqrt(np.maximum(image, 0) * recipe.grain)
@@ -172,7 +181,7 @@ def make_phantom(recipe: PhantomRecipe, seed: int = 0) -> Phantom:
 
 def _field_of_view(recipe: PhantomRecipe) -> np.ndarray:
     """Return the cylinder along z as a mask of the scan's shape."""
-    nz, ny, nx = recipe.shape
+    _, ny, nx = recipe.shape
     if recipe.field_of_view_radius is None:
         return np.ones(recipe.shape, dtype=bool)
     y, x = np.ogrid[:ny, :nx]
@@ -202,7 +211,9 @@ def _pack(recipe: PhantomRecipe, rng: np.random.Generator) -> list[tuple[Phantom
             failures += 1
             continue
         failures = 0
-        window = tuple(slice(start, start + length) for start, length in zip(corner, stamp.shape, strict=True))
+        window = tuple(
+            slice(start, start + length) for start, length in zip(corner, stamp.shape, strict=True)
+        )
         occupied[window] |= stamp
         volume_left -= int(stamp.sum())
         centre = (np.array(corner) + (np.array(stamp.shape) - 1) / 2) * _COARSE + (_COARSE - 1) / 2 - _MARGIN
@@ -307,7 +318,9 @@ def _distance_and_share(
     return distance.astype(np.float32), share
 
 
-def _add_inclusions(recipe: PhantomRecipe, owner: np.ndarray, grey: np.ndarray, rng: np.random.Generator) -> None:
+def _add_inclusions(
+    recipe: PhantomRecipe, owner: np.ndarray, grey: np.ndarray, rng: np.random.Generator
+) -> None:
     """Make balls inside grains bright."""
     inside = np.argwhere(owner > 0)
     if not len(inside):

@@ -104,7 +104,9 @@ def make_grain(kind: str, diameter: float, rng: np.random.Generator) -> PhantomG
         axes = radius * np.array([1.12, 1.0, 0.9]) * rng.uniform(0.94, 1.06, 3)
         return PhantomGrain(_bumpy_ellipsoid(rng, axes, 0.16), 1.4 * radius, kind)
     if kind == "angular":
-        return PhantomGrain(_polyhedron(rng, 1.12 * radius, int(rng.integers(7, 12)), 0.8), 2.0 * radius, kind)
+        return PhantomGrain(
+            _polyhedron(rng, 1.12 * radius, int(rng.integers(7, 12)), 0.8), 2.0 * radius, kind
+        )
     if kind == "elongated":
         axes = radius * np.array([1.45, 1.0, 0.7]) * rng.uniform(0.95, 1.05, 3)
         return PhantomGrain(_bumpy_ellipsoid(rng, axes, 0.1), 1.75 * radius, kind)

@@ -25,7 +25,7 @@ class VoxelArray(Protocol):
     @property
     def ndim(self) -> int: ...
     def __getitem__(self, key: Any) -> Any: ...
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray: ...
+    def __array__(self, dtype: Any = None, /, *, copy: bool | None = None) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,10 @@ class Scan:
     def __post_init__(self) -> None:
         if self.voxels.ndim != 3 or 0 in self.voxels.shape:
             name = self.path or "The scan"
-            raise ScanError(f"{name} has voxels of shape {self.voxels.shape}: a scan needs three axes (z, y, x), none empty.")
+            raise ScanError(
+                f"{name} has voxels of shape {self.voxels.shape}: "
+                "a scan needs three axes (z, y, x), none empty."
+            )
 
     @property
     def shape(self) -> tuple[int, int, int]:

@@ -77,7 +77,7 @@ class SliceStack:
     def __getitem__(self, key: Any) -> Any:
         """Index as numpy does; only the slices that the first index names are read."""
         keys = key if isinstance(key, tuple) else (key,)
-        if any(part is None or isinstance(part, np.ndarray) and part.ndim > 1 for part in keys):
+        if any(part is None or (isinstance(part, np.ndarray) and part.ndim > 1) for part in keys):
             return np.asarray(self)[key]
         if keys and keys[0] is Ellipsis:
             keys = (slice(None),) * (4 - len(keys)) + keys[1:]

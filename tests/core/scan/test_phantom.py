@@ -37,7 +37,8 @@ def test_the_sample_is_as_described(sample: Phantom) -> None:
     assert 20 < np.median(diameters) < 40
     # One piece each.
     assert all(
-        cc3d.connected_components(sample.labels == label, connectivity=26).max() == 1 for label in range(1, grains, 12)
+        cc3d.connected_components(sample.labels == label, connectivity=26).max() == 1
+        for label in range(1, grains, 12)
     )
 
 
@@ -79,7 +80,11 @@ def test_surface_voxels_are_partly_filled(sample: Phantom) -> None:
 
 
 def test_same_seed_same_scan_other_seed_other_scan(small_recipe: PhantomRecipe) -> None:
-    first, again, other = make_phantom(small_recipe, 3), make_phantom(small_recipe, 3), make_phantom(small_recipe, 4)
+    first, again, other = (
+        make_phantom(small_recipe, 3),
+        make_phantom(small_recipe, 3),
+        make_phantom(small_recipe, 4),
+    )
     np.testing.assert_array_equal(first.labels, again.labels)
     np.testing.assert_array_equal(first.scan.voxels, again.scan.voxels)
     assert not np.array_equal(first.labels, other.labels)

@@ -70,7 +70,11 @@ def test_pages_written_one_by_one_and_big_endian(tmp_path: Path, volume: np.ndar
 def test_imagej_stack_says_its_voxel_size(tmp_path: Path, volume: np.ndarray) -> None:
     path = tmp_path / "scan.tif"
     tifffile.imwrite(
-        path, volume, imagej=True, resolution=(1 / 14, 1 / 15), metadata={"spacing": 20.0, "unit": "um", "axes": "ZYX"}
+        path,
+        volume,
+        imagej=True,
+        resolution=(1 / 14, 1 / 15),
+        metadata={"spacing": 20.0, "unit": "um", "axes": "ZYX"},
     )
     scan = open_scan(path)
     assert scan.voxel_size.zyx == pytest.approx((20, 15, 14), rel=1e-6)
@@ -87,9 +91,17 @@ def test_imagej_stack_in_pixels_says_nothing(tmp_path: Path, volume: np.ndarray)
 
 def test_ome_stack_with_mixed_units(tmp_path: Path, volume: np.ndarray) -> None:
     path = tmp_path / "scan.ome.tif"
-    sizes = {"PhysicalSizeX": 14.0, "PhysicalSizeXUnit": "µm", "PhysicalSizeY": 15.0, "PhysicalSizeYUnit": "µm"}
+    sizes = {
+        "PhysicalSizeX": 14.0,
+        "PhysicalSizeXUnit": "µm",
+        "PhysicalSizeY": 15.0,
+        "PhysicalSizeYUnit": "µm",
+    }
     tifffile.imwrite(
-        path, volume, ome=True, metadata={"axes": "ZYX", **sizes, "PhysicalSizeZ": 0.02, "PhysicalSizeZUnit": "mm"}
+        path,
+        volume,
+        ome=True,
+        metadata={"axes": "ZYX", **sizes, "PhysicalSizeZ": 0.02, "PhysicalSizeZUnit": "mm"},
     )
     scan = open_scan(path)
     assert scan.voxel_size.zyx == pytest.approx((20, 15, 14))
@@ -99,13 +111,17 @@ def test_ome_stack_with_mixed_units(tmp_path: Path, volume: np.ndarray) -> None:
 
 def test_resolution_tags_in_centimetres(tmp_path: Path, volume: np.ndarray) -> None:
     path = tmp_path / "scan.tif"
-    tifffile.imwrite(path, volume, resolution=(10_000 / 14, 10_000 / 14), resolutionunit="CENTIMETER", metadata=None)
+    tifffile.imwrite(
+        path, volume, resolution=(10_000 / 14, 10_000 / 14), resolutionunit="CENTIMETER", metadata=None
+    )
     scan = open_scan(path)
     assert scan.voxel_size.zyx == pytest.approx((14, 14, 14), rel=1e-6)
     assert scan.unit == "um"
 
 
-@pytest.mark.parametrize(("dpi", "unit"), [(72, "INCH"), (96, "INCH"), (300, "INCH"), (1, "NONE"), (1, "CENTIMETER")])
+@pytest.mark.parametrize(
+    ("dpi", "unit"), [(72, "INCH"), (96, "INCH"), (300, "INCH"), (1, "NONE"), (1, "CENTIMETER")]
+)
 def test_a_cameras_default_resolution_is_no_voxel_size(
     tmp_path: Path, volume: np.ndarray, dpi: int, unit: str
 ) -> None:
@@ -117,7 +133,9 @@ def test_a_cameras_default_resolution_is_no_voxel_size(
 
 def test_the_callers_voxel_size_overrides_the_file(tmp_path: Path, volume: np.ndarray) -> None:
     path = tmp_path / "scan.tif"
-    tifffile.imwrite(path, volume, imagej=True, resolution=(1 / 14, 1 / 14), metadata={"spacing": 14.0, "unit": "um"})
+    tifffile.imwrite(
+        path, volume, imagej=True, resolution=(1 / 14, 1 / 14), metadata={"spacing": 14.0, "unit": "um"}
+    )
     assert open_scan(path, "3 x 2 x 1 mm").voxel_size.zyx == (3, 2, 1)
     assert open_scan(path, 5, unit="nm").unit == "nm"
 
@@ -135,9 +153,12 @@ def test_colour_and_time_series_are_refused(tmp_path: Path, volume: np.ndarray) 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
 @pytest.mark.parametrize(
     ("style", "compression"),
-    [(style, compression) for style in ("plain", "shaped", "pages") for compression in (None, "zlib")] + [("imagej", None)],
+    [(style, compression) for style in ("plain", "shaped", "pages") for compression in (None, "zlib")]
+    + [("imagej", None)],
 )
-def test_truncated_tiff(tmp_path: Path, rng: np.random.Generator, share: float, style: str, compression: str | None) -> None:
+def test_truncated_tiff(
+    tmp_path: Path, rng: np.random.Generator, share: float, style: str, compression: str | None
+) -> None:
     volume = rng.integers(0, 60_000, (8, 40, 40)).astype(np.uint16)
     path = tmp_path / "scan.tif"
     if style == "pages":
@@ -336,7 +357,8 @@ def test_meta_image(tmp_path: Path, volume: np.ndarray, name: str, compressed: b
 def test_meta_image_without_spacing_or_data(tmp_path: Path, volume: np.ndarray) -> None:
     path = tmp_path / "scan.mhd"
     path.write_text(
-        "ObjectType = Image\nNDims = 3\nDimSize = 11 7 5\nElementType = MET_USHORT\nElementDataFile = scan.raw\n"
+        "ObjectType = Image\nNDims = 3\nDimSize = 11 7 5\nElementType = MET_USHORT\n"
+        "ElementDataFile = scan.raw\n"
     )
     with pytest.raises(ScanError, match=r"scan\.mhd.*missing"):
         open_scan(path, "14 um")

@@ -24,8 +24,8 @@ def stack() -> tuple[SliceStack, np.ndarray, list[int]]:
 
 @pytest.mark.parametrize(
     "key",
-    [2, -1, slice(1, 4), slice(None, None, -2), (3, 1), (3, slice(1, 3), 2), (slice(None), 2, 2), (..., 1), (Ellipsis,),
-     (2, ..., 1), ([0, 5], 1), (slice(4, 4),), np.array([1, 3])],
+    [2, -1, slice(1, 4), slice(None, None, -2), (3, 1), (3, slice(1, 3), 2), (slice(None), 2, 2), (..., 1),
+     (Ellipsis,), (2, ..., 1), ([0, 5], 1), (slice(4, 4),), np.array([1, 3])],
 )  # fmt: skip
 def test_indexing_is_numpys(stack: tuple[SliceStack, np.ndarray, list[int]], key: Any) -> None:
     lazy, volume, _ = stack

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import meta_image, npy, nrrd, raw, slices, tiff
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
 
 FAMILIES: tuple[Family, ...] = (
     tiff.FAMILY,

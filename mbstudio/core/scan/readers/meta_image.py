@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading, require_grey_volume
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
 from mbstudio.core.scan.readers.orientation import along_axes
+from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.units import parse_unit
 
 _DTYPES = {
@@ -38,7 +39,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
             "channels: a scan has three axes (z, y, x) and one grey value a voxel."
         )
     try:
-        voxels = _mapped(path, fields, data_start)
+        voxels: VoxelArray | None = _mapped(path, fields, data_start)
         if voxels is None:
             import SimpleITK as sitk
 
@@ -47,8 +48,8 @@ def read(path: Path, options: ReadOptions) -> Reading:
     except (RuntimeError, ValueError, OSError, KeyError) as error:
         reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
         raise ScanError(
-            f"{path} cannot be read as MetaImage ({reason}): it or its data file is damaged, missing or cut off; "
-            "copy or export it again."
+            f"{path} cannot be read as MetaImage ({reason}): "
+            "it or its data file is damaged, missing or cut off; copy or export it again."
         ) from error
     require_grey_volume(voxels.shape, voxels.dtype, path)
     if spacing_text is None:
@@ -92,7 +93,9 @@ def _steps(fields: dict[str, str], spacing_text: str | None) -> tuple[np.ndarray
     """Return the steps along x, y, z and the position of the first voxel."""
     origin_text = fields.get("Offset", fields.get("Position", fields.get("Origin", "0 0 0")))
     origin = np.array([float(value) for value in origin_text.split()])
-    turn_text = fields.get("TransformMatrix", fields.get("Rotation", fields.get("Orientation", "1 0 0 0 1 0 0 0 1")))
+    turn_text = fields.get(
+        "TransformMatrix", fields.get("Rotation", fields.get("Orientation", "1 0 0 0 1 0 0 0 1"))
+    )
     directions = np.array([float(value) for value in turn_text.split()]).reshape(3, 3)
     spacing = np.array([float(value) for value in (spacing_text or "1 1 1").split()])
     return directions * spacing[:, None], origin

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading, require_grey_volume
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
 
 
 def read(path: Path, options: ReadOptions) -> Reading:
@@ -21,7 +21,9 @@ def read(path: Path, options: ReadOptions) -> Reading:
     try:
         voxels = np.load(path, mmap_mode="r", allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
-        raise ScanError(f"{path} cannot be read as an NPY array ({error}): save it again with numpy.save.") from error
+        raise ScanError(
+            f"{path} cannot be read as an NPY array ({error}): save it again with numpy.save."
+        ) from error
     require_grey_volume(voxels.shape, voxels.dtype, path)
     return Reading(voxels)
 

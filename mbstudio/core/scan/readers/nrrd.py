@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading, require_grey_volume
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
 from mbstudio.core.scan.readers.orientation import along_axes
+from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.units import parse_unit
 
 
@@ -31,7 +32,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
             header: dict[str, Any] = dict(nrrd.read_header(stream))
             data_start = stream.tell()
         sizes = tuple(int(count) for count in header["sizes"])
-        voxels = _mapped(path, header, sizes, data_start)
+        voxels: VoxelArray | None = _mapped(path, header, sizes, data_start)
         if voxels is None:
             voxels, _ = nrrd.read(str(path), index_order="C")
     except Exception as error:  # pynrrd raises errors of many unrelated types
@@ -51,7 +52,9 @@ def _mapped(path: Path, header: dict[str, Any], sizes: tuple[int, ...], data_sta
     """Map uncompressed voxels, None where the data must be decoded."""
     import nrrd
 
-    skips = int(header.get("line skip", header.get("lineskip", 0))) or int(header.get("byte skip", header.get("byteskip", 0)))
+    skips = int(header.get("line skip", header.get("lineskip", 0))) or int(
+        header.get("byte skip", header.get("byteskip", 0))
+    )
     if header["encoding"] != "raw" or skips:
         return None
     file, start = path, data_start
@@ -80,12 +83,16 @@ def _steps(header: dict[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:
 
 def _unit(header: dict[str, Any], path: Path) -> str | None:
     """Return the unit that all axes share."""
-    names = {str(name).strip().strip('"') for name in header.get("space units", header.get("units", [])) or []}
+    names = {
+        str(name).strip().strip('"') for name in header.get("space units", header.get("units", [])) or []
+    }
     names.discard("")
     if not names:
         return None
     if len(names) > 1:
-        raise ScanError(f"{path} gives its axes different units ({', '.join(sorted(names))}): give voxel_size.")
+        raise ScanError(
+            f"{path} gives its axes different units ({', '.join(sorted(names))}): give voxel_size."
+        )
     try:
         return parse_unit(names.pop())
     except UnitError:

@@ -38,7 +38,9 @@ def along_axes(
         raise ScanError(f"{path} states an impossible voxel spacing {spacing.tolist()}: give voxel_size.")
     units = steps / spacing[:, None]
     if not np.allclose(units @ units.T, np.eye(3), atol=1e-3):
-        raise ScanError(f"{path} has axes that are not at right angles: resample it to a rectangular grid first.")
+        raise ScanError(
+            f"{path} has axes that are not at right angles: resample it to a rectangular grid first."
+        )
     backwards = np.diag(units) < 0
     if not np.allclose(np.abs(units), np.eye(3), atol=1e-3):
         backwards = np.array([False, False, np.linalg.det(units) < 0])

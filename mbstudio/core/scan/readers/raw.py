@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading, require_grey_volume
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
 
 
 def read(path: Path, options: ReadOptions) -> Reading:
@@ -25,7 +25,9 @@ def read(path: Path, options: ReadOptions) -> Reading:
         )
     shape = tuple(int(count) for count in options.shape)
     if len(shape) != 3 or min(shape) < 1:
-        raise ScanError(f"The shape {shape} stated for {path} is impossible: give three positive numbers (z, y, x).")
+        raise ScanError(
+            f"The shape {shape} stated for {path} is impossible: give three positive numbers (z, y, x)."
+        )
     if options.header_bytes < 0:
         raise ScanError(f"header_bytes={options.header_bytes} for {path} is impossible: give 0 or more.")
     dtype = options.dtype
@@ -37,12 +39,13 @@ def read(path: Path, options: ReadOptions) -> Reading:
     if present < needed:
         raise ScanError(
             f"{path} has {present:,} bytes, but shape {shape} of {dtype.name} with a header of "
-            f"{options.header_bytes} needs {needed:,}: check shape, dtype and header_bytes, or copy the file again."
+            f"{options.header_bytes} needs {needed:,}: "
+            "check shape, dtype and header_bytes, or copy the file again."
         )
     if present > needed:
         raise ScanError(
-            f"{path} has {present:,} bytes, {present - needed:,} more than shape {shape} of {dtype.name} needs: "
-            "check shape and dtype, or state the surplus as header_bytes if it lies in front."
+            f"{path} has {present:,} bytes, {present - needed:,} more than shape {shape} of {dtype.name} "
+            "needs: check shape and dtype, or state the surplus as header_bytes if it lies in front."
         )
     return Reading(np.memmap(path, dtype=dtype, mode="r", offset=options.header_bytes, shape=shape))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import tiff
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
 from mbstudio.core.scan.slice_stack import SliceStack
 
 TIFF_SUFFIXES = (".tif", ".tiff")
@@ -72,18 +72,22 @@ def read(path: Path, options: ReadOptions) -> Reading:
                 "take out images that are no slices (previews, projections)."
             )
         if dtype is not None and dtype != first.dtype:
-            raise ScanError(f"The slice {file} holds {dtype}, but {files[0].name} holds {first.dtype}: export all alike.")
+            raise ScanError(
+                f"The slice {file} holds {dtype}, but {files[0].name} holds {first.dtype}: export all alike."
+            )
 
     def read_slice(index: int) -> np.ndarray:
         image = _read_image(files[index])
         if image.shape != first.shape or image.dtype != first.dtype:
-            raise ScanError(f"The slice {files[index]} has changed since the folder was opened: open it again.")
+            raise ScanError(
+                f"The slice {files[index]} has changed since the folder was opened: open it again."
+            )
         return image
 
     stack = SliceStack(read_slice, (len(files), *first.shape), first.dtype)
-    spacing, unit, metadata = None, None, {}
-    if files[0].suffix.lower() in TIFF_SUFFIXES:
-        spacing, unit, metadata = tiff.voxel_size_of(files[0], single_slice=True)
+    if files[0].suffix.lower() not in TIFF_SUFFIXES:
+        return Reading(stack)
+    spacing, unit, metadata = tiff.voxel_size_of(files[0])
     return Reading(stack, spacing, unit, metadata=metadata)
 
 

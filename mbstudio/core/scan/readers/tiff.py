@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers.family import Family, ReadOptions, Reading, require_grey_volume
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
 from mbstudio.core.scan.slice_stack import SliceStack
 from mbstudio.core.units import conversion_factor, parse_unit
 
@@ -62,15 +62,17 @@ def read(path: Path, options: ReadOptions) -> Reading:
             pages = len(document.pages)
             if errors:
                 raise ScanError(
-                    f"{path} is cut off or damaged: only {pages} of its pages can be found; copy or export it again."
+                    f"{path} is cut off or damaged: only {pages} of its pages can be found; "
+                    "copy or export it again."
                 )
             voxels = _voxels(document, path)
-            spacing, unit, metadata = _voxel_size(document, single_slice=False)
+            spacing, unit, metadata = _voxel_size(document)
     except ScanError:
         raise
     except Exception as error:  # the parser and the codecs raise errors of many unrelated types
         raise ScanError(
-            f"{path} cannot be read as a TIFF stack ({error}): it is damaged or cut off; copy or export it again."
+            f"{path} cannot be read as a TIFF stack ({error}): "
+            "it is damaged or cut off; copy or export it again."
         ) from error
     return Reading(voxels, spacing, unit, metadata=metadata)
 
@@ -150,27 +152,24 @@ def _require_complete(document: Any, path: Path) -> None:
     ):
         missing = True
     if missing:
-        raise ScanError(f"{path} is cut off: its pages need more bytes than its {size:,}; copy or export it again.")
+        raise ScanError(
+            f"{path} is cut off: its pages need more bytes than its {size:,}; copy or export it again."
+        )
 
 
-def voxel_size_of(file: Path, *, single_slice: bool) -> tuple[Spacing | None, str | None, dict[str, Any]]:
-    """Return spacing (z, y, x), unit and metadata of a TIFF file.
-
-    With `single_slice` the file is one slice of a folder, whose thickness is taken to be the
-    pixel's edge unless the file states it.
-    """
+def voxel_size_of(file: Path) -> tuple[Spacing | None, str | None, dict[str, Any]]:
+    """Return spacing (z, y, x), unit and metadata of a TIFF file."""
     import tifffile
 
     with _quiet_tifffile(), tifffile.TiffFile(file) as document:
-        return _voxel_size(document, single_slice=single_slice)
+        return _voxel_size(document)
 
 
-def _voxel_size(document: Any, *, single_slice: bool) -> tuple[Spacing | None, str | None, dict[str, Any]]:
+def _voxel_size(document: Any) -> tuple[Spacing | None, str | None, dict[str, Any]]:
     """Read the voxel size: OME first, then ImageJ, then the bare resolution tags.
 
-    A stack whose slice distance is not stated has none: a guess would be wrong by the ratio of
-    slice distance to pixel size. Only ImageJ and plain TIFF with one slice a file, where the
-    convention is an isotropic voxel, are read without it.
+    OME must state all three edges. ImageJ and plain TIFF without a slice distance are taken to
+    have cubic voxels, as cone-beam CT does; `open_scan` can be told otherwise.
     """
     if document.is_ome:
         return _ome_size(document)

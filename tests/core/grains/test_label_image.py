@@ -1,0 +1,93 @@
+"""Label images made elsewhere become grains, or a clear message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from mbstudio.core.errors import GrainWarning, SegmentationError
+from mbstudio.core.grains import load_labels
+from mbstudio.core.scan import Scan
+from mbstudio.core.units import VoxelSize
+
+
+@pytest.fixture
+def image() -> np.ndarray:
+    labels = np.zeros((10, 12, 14), np.uint16)
+    labels[2:5, 2:5, 2:5] = 40
+    labels[2:5, 5:8, 2:5] = 7  # touches 40
+    labels[0:3, 9:12, 9:12] = 900  # at the box's face
+    return labels
+
+
+def test_numbers_become_consecutive_in_their_order(image: np.ndarray) -> None:
+    grains = load_labels(image, voxel_size="2 mm")
+    assert grains.table["voxels"].tolist() == [27, 27, 27]
+    assert grains.labels[3, 6, 3] == 1
+    assert grains.labels[3, 3, 3] == 2
+    assert grains.labels[1, 10, 10] == 3
+    assert grains.table["touches_border"].tolist() == [False, False, True]
+    assert grains.table["volume"].tolist() == [216, 216, 216]
+    assert grains[1].centroid == pytest.approx((6, 6, 6))
+
+
+def test_from_a_file_with_the_scans_size_and_origin(tmp_path: Path, image: np.ndarray) -> None:
+    path = tmp_path / "labels.tif"
+    tifffile.imwrite(path, image)
+    scan = Scan(np.arange(image.size).reshape(image.shape), VoxelSize(3, 2, 1, "mm"), origin=(10, 20, 30))
+    grains = load_labels(path, scan)
+    assert grains.voxel_size == scan.voxel_size
+    assert grains[1].centroid == pytest.approx((13, 26, 39))
+
+
+def test_two_values_are_a_mask_whose_pieces_are_the_grains(image: np.ndarray) -> None:
+    grains = load_labels(image > 0, voxel_size="1 mm")
+    assert sorted(grains.table["voxels"]) == [27, 54]
+
+
+def test_the_largest_piece_of_a_label_is_kept(image: np.ndarray) -> None:
+    image[8, 2, 2] = 40
+    with pytest.warns(GrainWarning, match="1 labels were in several pieces.* 1 voxels dropped"):
+        grains = load_labels(image, voxel_size="1 mm")
+    assert grains.labels[8, 2, 2] == 0
+    assert grains.table["voxels"].tolist() == [27, 27, 27]
+
+
+def test_a_field_of_view_cuts_grains_off() -> None:
+    y, x = np.ogrid[:40, :40]
+    disk = (y - 19.5) ** 2 + (x - 19.5) ** 2 <= 18**2
+    grey = np.where(disk, 50, 0) + np.zeros((10, 1, 1), int)
+    labels = np.zeros((10, 40, 40), int)
+    labels[3:6, 18:22, 18:22] = 1
+    labels[3:6, 18:22, 30:38] = 2
+    grains = load_labels(labels, Scan(grey, VoxelSize(1, 1, 1, "mm")))
+    assert grains.table["touches_border"].tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda image: image[:5], "scan"),
+        (lambda image: image * 0.5, "whole numbers"),
+        (lambda image: image * np.nan, "whole numbers"),
+        (lambda image: image.astype(int) - 1, "negative"),
+        (lambda image: image * 0, "no grain"),
+        (lambda image: image[0], "three axes"),
+    ],
+)
+def test_bad_label_images(image: np.ndarray, change: object, says: str) -> None:
+    scan = Scan(np.arange(image.size).reshape(image.shape), VoxelSize(1, 1, 1, "mm"))
+    with pytest.raises(SegmentationError, match=says):
+        load_labels(change(image), scan)  # type: ignore[operator]
+
+
+def test_a_voxel_size_is_needed(image: np.ndarray) -> None:
+    with pytest.raises(SegmentationError, match="voxel_size"):
+        load_labels(image)
+
+
+def test_float_labels_of_whole_numbers_are_taken(image: np.ndarray) -> None:
+    assert len(load_labels(image.astype(np.float32), voxel_size="1 mm")) == 3
