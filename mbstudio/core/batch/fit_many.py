@@ -74,7 +74,8 @@ def fit_many(
         Which grains; all of them by default. For a sequence of grains: places in it, for those
         without a label.
     n, method, seed : as in :func:`mbstudio.core.imaging.fit`
-        Each grain's own seed follows from `seed` and its label.
+        Each grain's own seed follows from `seed` and its label. A grain that cannot hold n
+        control points gets as many as it can (``result.n`` stays n, ``result.avatar.n`` tells).
     workers : int, optional
         Processes, each on one core; all usable cores by default. 0 fits in the calling thread.
     options : mapping, optional
@@ -91,18 +92,22 @@ def fit_many(
         If n, the method or an option can fit no grain at all; a single grain's error is in its item.
     """
     settings = dict(options or {})
+    source: GrainSet | _ByLabel
     if isinstance(grains, GrainSet):
+        source = grains
         chosen = [int(label) for label in (grains.table["label"] if labels is None else labels)]
     else:
         names = [place if grain.label is None else grain.label for place, grain in enumerate(grains)]
         chosen = names if labels is None else [int(label) for label in labels]
-        grains = _ByLabel(dict(zip(names, grains, strict=True)))
+        source = _ByLabel(dict(zip(names, grains, strict=True)))
     _check(n, method, settings)
     if workers is None:
         workers = usable_cores()
     if workers < 0:
-        raise FitError(f"{workers} processes cannot fit anything: give 1 or more, or 0 for the calling thread.")
-    tasks = _Tasks(grains, chosen, n, method, seed, settings)
+        raise FitError(
+            f"{workers} processes cannot fit anything: give 1 or more, or 0 for the calling thread."
+        )
+    tasks = _Tasks(source, chosen, n, method, seed, settings)
     if workers == 0:
         return _in_this_thread(tasks)
     return _on_processes(tasks, min(workers, max(1, len(chosen))))
@@ -126,7 +131,9 @@ def _check(n: int, method: Method, options: dict[str, Any]) -> None:
 
     if not isinstance(n, bool) and int(n) == n and n >= 1:
         side = int(np.ceil(np.cbrt(n))) + 1
-        start_fit(Grain(np.ones((side, side, side), dtype=bool), VoxelSize(1, 1, 1, "m")), n, method, 0, **options)
+        start_fit(
+            Grain(np.ones((side, side, side), dtype=bool), VoxelSize(1, 1, 1, "m")), n, method, 0, **options
+        )
     else:
         raise FitError(f"n = {n} control points make no avatar: give a whole number, 1 or more.")
 
@@ -135,7 +142,13 @@ class _Tasks:
     """The grains still to do, handed out one at a time to whichever worker asks."""
 
     def __init__(
-        self, grains: GrainSet | _ByLabel, labels: list[int], n: int, method: str, seed: int, options: dict[str, Any]
+        self,
+        grains: GrainSet | _ByLabel,
+        labels: list[int],
+        n: int,
+        method: str,
+        seed: int,
+        options: dict[str, Any],
     ) -> None:
         self._grains, self._labels = grains, iter(labels)
         self.count = len(labels)
@@ -158,7 +171,9 @@ def _in_this_thread(tasks: _Tasks) -> Iterator[BatchItem]:
         except MbstudioError as error:
             yield BatchItem(label, None, str(error))
             continue
-        yield BatchItem(label, *run_task(grain, tasks.n, tasks.method, grain_seed(tasks.seed, label), tasks.options))
+        yield BatchItem(
+            label, *run_task(grain, tasks.n, tasks.method, grain_seed(tasks.seed, label), tasks.options)
+        )
 
 
 class _Worker:
@@ -190,7 +205,9 @@ class _Worker:
             if pipe is not None:
                 try:
                     pipe.close()
-                except BrokenPipeError:  # it died with a message half sent: nothing is lost that was not lost before
+                except (
+                    BrokenPipeError
+                ):  # it died with a message half sent: nothing is lost that was not lost before
                     continue
         return self._process.wait()
 
@@ -204,7 +221,9 @@ class _Crew:
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._workers: set[_Worker] = set()
-        self._threads = [threading.Thread(target=self._feed, name=f"fit-{i}", daemon=True) for i in range(size)]
+        self._threads = [
+            threading.Thread(target=self._feed, name=f"fit-{i}", daemon=True) for i in range(size)
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -246,7 +265,9 @@ class _Crew:
                     item = BatchItem(label, None, str(error))
                 except (EOFError, OSError):
                     code, worker = self._dismiss(worker), None
-                    item = BatchItem(label, None, f"Grain {label}: the process that fitted it ended with code {code}.")
+                    item = BatchItem(
+                        label, None, f"Grain {label}: the process that fitted it ended with code {code}."
+                    )
                 self._put(item)
         except BaseException as error:  # raised again where the batch is driven
             self._put(error)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pickle
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -49,7 +49,12 @@ class Task:
     def grain(self) -> Grain:
         bits = np.unpackbits(np.frombuffer(self.bits, dtype=np.uint8), count=int(np.prod(self.shape)))
         return Grain(
-            bits.reshape(self.shape).astype(bool), self.voxel_size, self.origin, self.label, self.touches_border, self.name
+            bits.reshape(self.shape).astype(bool),
+            self.voxel_size,
+            self.origin,
+            self.label,
+            self.touches_border,
+            self.name,
         )
 
 
@@ -73,12 +78,22 @@ def receive(stream: BinaryIO) -> Any:
     return pickle.loads(data)
 
 
-def run_task(grain: Grain, n: int, method: str, seed: int, options: dict[str, Any]) -> tuple[FitResult | None, str | None]:
-    """Fit one grain; return the result, or what went wrong: one bad grain must not end a batch."""
+def run_task(
+    grain: Grain, n: int, method: str, seed: int, options: dict[str, Any]
+) -> tuple[FitResult | None, str | None]:
+    """Fit one grain; return the result, or what went wrong: one bad grain must not end a batch.
+
+    A grain too small for n control points gets as many as it can hold.
+    """
     from mbstudio.core.imaging import fit
+    from mbstudio.core.imaging.run import TooManyControlPoints
 
     try:
-        return fit(grain, n, method, seed, **options), None  # type: ignore[arg-type]
+        try:
+            return fit(grain, n, method, seed, **options), None  # type: ignore[arg-type]
+        except TooManyControlPoints as error:
+            result = fit(grain, error.most, method, seed, **options)  # type: ignore[arg-type]
+            return replace(result, n=n), None
     except MbstudioError as error:
         return None, str(error)
     except (ArithmeticError, ValueError, IndexError, MemoryError, RuntimeError) as error:

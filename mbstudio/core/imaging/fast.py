@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -14,9 +14,10 @@ from mbstudio.core.imaging.guard import ITERATIONS_PER_ROUND, MOST_ROUNDS, force
 from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
-from mbstudio.core.imaging.run import StepRun, too_many
+from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally
 from mbstudio.core.imaging.steps import SearchStep, Verdict
+from mbstudio.core.metaball.surface import volume_and_area
 from mbstudio.core.metaball.topology import Topology, topology
 from mbstudio.core.metaball.validity import check
 
@@ -40,7 +41,11 @@ class FastOptions:
     generations: int = 60
     working_side: int = 120
     hull_points: int = 24_000
-    refine: RefineSettings = RefineSettings()
+    refine: RefineSettings = field(default_factory=RefineSettings)
+
+
+# RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
+_GOOD_SCORE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,7 @@ class _Candidate:
     control: Float64[np.ndarray, "4 n"]
     found: Topology
     score: float
+    note: str
 
 
 class FastFit(StepRun):
@@ -79,7 +85,7 @@ class FastFit(StepRun):
         transform = prepared.distance + np.float32(0.5 * prepared.voxel)
         found = list(cluster_incrementally(transform, prepared.spacing, n, prepared.voxel))
         if len(found) < n:
-            raise too_many(self.grain, n, len(found))
+            raise TooManyControlPoints(self.grain, n, len(found))
         return iter(found)
 
     def _check_capacity(self, n: int) -> None:
@@ -110,8 +116,8 @@ class FastFit(StepRun):
     def _step(self, generations: int, note: str = "") -> SearchStep:
         assert self._refinement is not None
         self.control, self._found = self._refinement.control, None
-        field = self._refinement.field_on_hull()
-        return self._record(mean_loss(field), self._refinement.rms(), generations, note)
+        loss = mean_loss(self._refinement.field_on_hull())
+        return self._record(loss, self._refinement.rms(), generations, note)
 
     def _search(self, generations: int) -> Iterator[SearchStep]:
         last = max(self.generation, 0) + generations
@@ -125,59 +131,72 @@ class FastFit(StepRun):
     def _descend(self, count: int, last: int) -> Iterator[SearchStep]:
         """Yield steps until `count`, or until progress stops."""
         assert self._refinement is not None
-        search = self._refinement
+        assert self.prepared is not None
+        search, settings = self._refinement, self._refinement.settings
+        noise = settings.noise * self.prepared.voxel * self.prepared.scale
         checked, idle, stuck = self._rms[-1], 0, 0
         for done in range(1, count + 1):
-            moved = search.advance()
+            stuck = 0 if search.advance() else stuck + 1
             yield self._step(last)
-            stuck = 0 if moved else stuck + 1
             if stuck >= 2:
                 return
-            if done % search.settings.check_every == 0:
+            if done % settings.check_every == 0:
                 gain = 1 - self._rms[-1] / max(checked, 1e-300)
-                idle = idle + 1 if gain < search.settings.least_gain else 0
+                idle = idle + 1 if gain < settings.least_gain else 0
                 checked = self._rms[-1]
-                if idle >= 2:
+                if idle >= 2 or (checked < noise and gain < settings.least_gain_in_noise):
                     return
 
     def _guarded(self, last: int) -> Iterator[SearchStep]:
         """Yield further steps until the avatar is one piece without a void, by ever stronger means."""
-        assert self.prepared is not None and self.control is not None
-        if self._look().is_sound:
+        assert self._refinement is not None
+        candidates = [self._forced()]
+        if self._is_content(candidates[-1]):
             return
-        candidates: list[_Candidate] = []
         yield from self._rounds(last)
-        if self._look().is_sound:
-            return
         candidates.append(self._forced())
+        if self._is_content(candidates[-1]):
+            return
         cautious = replace(self.options.refine, steepness_floor=2.0, start_damping=10.0)
-        begin = control_of_spheres(self.prepared, self._spheres_found[: self.n])
-        if begin.shape[1] != self.n:
-            begin = with_number(begin, self.n, self.prepared)
-        self._begin(begin, cautious)
-        yield self._step(last, note="begins anew, more cautiously: the avatar did not hold together")
-        yield from self._descend(self.options.generations, last)
-        if not self._look().is_sound:
-            yield from self._rounds(last)
-        if self._look().is_sound:
-            return
-        candidates.append(self._forced())
+        for fewer in dict.fromkeys((self.n, 2 * self.n // 3, self.n // 2, self.n // 4, 4, 1)):
+            if not 1 <= fewer <= self.n:
+                continue
+            self._begin(self._fresh(fewer), cautious)
+            number = "" if fewer == self.n else f" with {fewer} control points"
+            yield self._step(last, f"begins anew{number}, more cautiously: the avatar was not sound")
+            yield from self._descend(self.options.generations, last)
+            candidates.append(self._forced())
+            if not self._is_content(candidates[-1]):
+                yield from self._rounds(last)
+                candidates.append(self._forced())
+            if self._is_content(candidates[-1]):
+                break
         best = min(candidates, key=lambda candidate: candidate.score)
         self._begin(best.control, self.options.refine)
-        self.control = best.control
-        yield self._step(last, note="forced into one piece without a void: n is too small for this shape")
-        self.control, self._found = best.control, best.found
+        self._refinement.control = best.control
+        yield self._step(last, best.note)
+        self._found = best.found
+
+    def _is_content(self, candidate: _Candidate) -> bool:
+        """Tell whether the present avatar, scored as `candidate`, is sound without force and true enough."""
+        return self._look().is_sound and candidate.score < _GOOD_SCORE
+
+    def _fresh(self, n: int) -> np.ndarray:
+        """Return control points of the first n spheres (split further where fewer were found)."""
+        assert self.prepared is not None
+        control = control_of_spheres(self.prepared, self._spheres_found[:n])
+        return control if control.shape[1] == n else with_number(control, n, self.prepared)
 
     def _rounds(self, last: int) -> Iterator[SearchStep]:
         assert self._refinement is not None
         rng = np.random.default_rng([self.seed, 1])
         for number in range(MOST_ROUNDS):
+            if self._look().is_sound:
+                return
             note = repair(self._refinement, self._look(), number, rng)
             for step in range(ITERATIONS_PER_ROUND):
                 self._refinement.advance()
                 yield self._step(last, note if step == 0 else "")
-            if self._look().is_sound:
-                return
 
     def _look(self) -> Topology:
         assert self.control is not None
@@ -186,13 +205,12 @@ class FastFit(StepRun):
         return self._found
 
     def _forced(self) -> _Candidate:
-        """Return the present avatar made sound by force, scored by volume error and surface distance."""
-        from mbstudio.core.metaball.surface import volume_and_area
-
-        assert self.prepared is not None and self.control is not None and self._refinement is not None
-        control, found, _ = force_sound(self.control, self.prepared)
-        kept, self._refinement.control = self._refinement.control, control
-        rms = self._refinement.rms()
-        self._refinement.control = kept
+        """Return the present avatar, made sound by force where it is not, scored by its errors."""
+        assert self.prepared is not None
+        assert self.control is not None
+        control, found, note = self.control, self._look(), "the soundest avatar so far"
+        if not found.is_sound:
+            control, found, note = force_sound(self.control, self.prepared)
         volume, _ = volume_and_area(control)
-        return _Candidate(control, found, rms + abs(volume / self.prepared.volume - 1))
+        rms = Refinement(self.prepared, control).rms()
+        return _Candidate(control.copy(), found, rms + abs(volume / self.prepared.volume - 1), note)

@@ -21,7 +21,7 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
-from mbstudio.core.imaging.run import StepRun, too_many
+from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_at
@@ -190,7 +190,7 @@ class PaperFit(StepRun):
     def _check_capacity(self, n: int) -> None:
         found = sum(1 for _ in self._incremental(n))
         if found < n:
-            raise too_many(self.grain, n, found)
+            raise TooManyControlPoints(self.grain, n, found)
 
     def _start(self, spheres: list[Sphere]) -> None:
         assert self.prepared is not None

@@ -49,7 +49,11 @@ class RefineSettings:
     check_every : int
         Steps after which progress over all hull points decides whether to stop.
     least_gain : float
-        Relative gain of the RMS between checks that counts as progress.
+        Relative gain of the RMS between checks that counts as progress; two checks without end
+        the search.
+    noise, least_gain_in_noise : float
+        Below an RMS of `noise` voxels the voxels themselves are no truer: one check with less gain
+        than this ends the search.
     """
 
     steepness_floor: float = 0.7
@@ -63,6 +67,13 @@ class RefineSettings:
     renew_every: int = 5
     check_every: int = 10
     least_gain: float = 0.01
+    noise: float = 0.35
+    least_gain_in_noise: float = 0.03
+
+
+# Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
+# gradients of the signed distance at the control points, volume row.
+_State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]
 
 
 def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
@@ -171,7 +182,7 @@ class Refinement:
             self._scale = scale
         return scale * (1 - field**-0.5), field
 
-    def _cost(self, control: np.ndarray) -> tuple[float, tuple[np.ndarray, ...]]:
+    def _cost(self, control: np.ndarray) -> tuple[float, _State]:
         """Return half the sum of squares at `control`, and what its derivative needs."""
         single = control.astype(np.float32)
         residual, field = self._surface_rows(single, self._scale)
@@ -192,9 +203,9 @@ class Refinement:
             + float(shallow @ shallow)
             + volume**2
         )
-        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, np.float64(volume))
+        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, volume)
 
-    def _normal_equations(self, state: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
+    def _normal_equations(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
         residual, field, hinge, inner, shallow, slope, volume = state
         n, m = self.control.shape[1], len(residual)
         active = np.flatnonzero(hinge < 0)

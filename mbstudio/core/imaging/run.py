@@ -10,10 +10,17 @@ from jaxtyping import Float64
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres
-from mbstudio.core.imaging.preprocess import PreparedGrain
-from mbstudio.core.imaging.sphere_clustering import Sphere
+from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
+from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep, Verdict
 from mbstudio.core.metaball.avatar import Avatar
+
+
+def greatest_number(grain: Grain) -> int:
+    """Return how many control points sphere clustering can place in a grain."""
+    prepared = prepare(grain)
+    transform = prepared.distance + np.float32(0.5 * prepared.voxel)
+    return sum(1 for _ in cluster_incrementally(transform, prepared.spacing, grain.voxel_count, prepared.voxel))
 
 
 def checked_number(n: int, grain: Grain) -> int:
@@ -22,17 +29,23 @@ def checked_number(n: int, grain: Grain) -> int:
         raise FitError(
             f"n = {n} control points make no avatar of grain '{grain.name}': give a whole number, 1 or more."
         )
-    if n > grain.voxel_count:
-        raise too_many(grain, int(n), max(1, grain.voxel_count // 2))
+    if n > grain.voxel_count:  # spheres do not share voxels; how many really fit shows in the clustering
+        raise TooManyControlPoints(grain, int(n), max(1, greatest_number(grain)))
     return int(n)
 
 
-def too_many(grain: Grain, n: int, most: int) -> FitError:
-    """Return the error of a grain that cannot hold n control points."""
-    return FitError(
-        f"Grain '{grain.name}' of {grain.voxel_count} voxels cannot hold n = {n} control points: "
-        f"ask for n = {most} or fewer."
-    )
+class TooManyControlPoints(FitError):
+    """A grain that cannot hold n control points; `most` is the greatest number that it can."""
+
+    def __init__(self, grain: Grain, n: int, most: int) -> None:
+        self.most = most
+        super().__init__(
+            f"Grain '{grain.name}' of {grain.voxel_count} voxels cannot hold n = {n} control points: "
+            f"ask for n = {most} or fewer."
+        )
+
+    def __reduce__(self) -> tuple[type[FitError], tuple[str]]:
+        return FitError, (str(self),)
 
 
 class StepRun:
@@ -156,7 +169,7 @@ class StepRun:
             found.append(sphere)
             yield self._clustering_step(prepared, found)
         if len(found) < self.n:
-            raise too_many(self.grain, self.n, len(found))
+            raise TooManyControlPoints(self.grain, self.n, len(found))
         self._start(found)
         yield from self._search(self._default_generations)
 

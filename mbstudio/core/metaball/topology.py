@@ -94,6 +94,32 @@ def _lowest_between(control, a, b, samples):  # pragma: no cover - compiled
     return lowest
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def nearest_link(control, piece, samples):  # pragma: no cover - compiled
+    """Return the control points of different pieces that are nearest to joined, and the lowest f between them."""
+    best, at_a, at_b = -1.0, -1, -1
+    for a in range(control.shape[1]):
+        for b in range(a):
+            if piece[a] == piece[b]:
+                continue
+            lowest = np.inf
+            for step in range(1, samples):
+                t = step / samples
+                x = control[0, a] + t * (control[0, b] - control[0, a])
+                y = control[1, a] + t * (control[1, b] - control[1, a])
+                z = control[2, a] + t * (control[2, b] - control[2, a])
+                total = 0.0
+                for i in range(control.shape[1]):
+                    dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
+                    total += control[3, i] / max(dx * dx + dy * dy + dz * dz, 1e-30)
+                lowest = min(lowest, total)
+                if lowest < best:
+                    break
+            if lowest > best:
+                best, at_a, at_b = lowest, a, b
+    return at_a, at_b, best
+
+
 @njit(cache=True, nogil=True)
 def _join_by_lines(control, parent, samples):  # pragma: no cover - compiled
     """Join control points of different groups where the line between them stays in the solid."""
