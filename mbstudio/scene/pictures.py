@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import imageio.v3 as imageio
 import numpy as np
 import pyvista as pv
 from jaxtyping import UInt8
-from PIL import Image
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene.scene import Scene
@@ -109,7 +109,7 @@ def _render(draw: Callable[[Scene], None], size: tuple[int, int] = SIZE) -> UInt
 
 def _save(path: Path, image: UInt8[np.ndarray, "h w 3"]) -> Path:
     require_picture(image, path.name)
-    Image.fromarray(image).save(path)
+    imageio.imwrite(path, image)
     return path
 
 
