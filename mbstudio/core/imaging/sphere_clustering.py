@@ -72,14 +72,14 @@ def _row_maxima(distance, best, place):  # pragma: no cover - compiled
     nz, ny, nx = distance.shape
     for iz in range(nz):
         for iy in range(ny):
-            best[iz, iy], place[iz, iy] = -1.0, 0
+            best[iz, iy], place[iz, iy] = -np.inf, 0
             for ix in range(nx):
                 if distance[iz, iy, ix] > best[iz, iy]:
                     best[iz, iy], place[iz, iy] = distance[iz, iy, ix], ix
 
 
 @njit(cache=True, nogil=True)
-def _take_ball(distance, best, place, iz, iy, ix, radius, spacing):  # pragma: no cover - compiled
+def _take_ball(distance, best, place, iz, iy, ix, radius, spacing, least):  # pragma: no cover - compiled
     """Lower the distance of every voxel to its distance from the new sphere's surface."""
     nz, ny, nx = distance.shape
     # Beyond twice the largest free radius the new sphere cannot be the nearest surface.
@@ -87,7 +87,7 @@ def _take_ball(distance, best, place, iz, iy, ix, radius, spacing):  # pragma: n
     rz, ry, rx = int(reach / spacing[2]) + 1, int(reach / spacing[1]) + 1, int(reach / spacing[0]) + 1
     for jz in range(max(0, iz - rz), min(nz, iz + rz + 1)):
         for jy in range(max(0, iy - ry), min(ny, iy + ry + 1)):
-            if best[jz, jy] <= 0.0:
+            if best[jz, jy] <= least:
                 continue
             dz, dy = (jz - iz) * spacing[2], (jy - iy) * spacing[1]
             square = dz * dz + dy * dy
@@ -96,14 +96,14 @@ def _take_ball(distance, best, place, iz, iy, ix, radius, spacing):  # pragma: n
             changed = False
             for jx in range(max(0, ix - rx), min(nx, ix + rx + 1)):
                 old = distance[jz, jy, jx]
-                if old > 0.0:
+                if old > least:
                     dx = (jx - ix) * spacing[0]
                     new = np.float32(np.sqrt(square + dx * dx) - radius)
                     if new < old:
                         distance[jz, jy, jx] = new
                         changed = True
             if changed:
-                top, at = np.float32(-1.0), 0
+                top, at = np.float32(-np.inf), 0
                 for jx in range(nx):
                     if distance[jz, jy, jx] > top:
                         top, at = distance[jz, jy, jx], jx
@@ -130,16 +130,18 @@ def cluster_incrementally(
     The distance to the taken *spheres* replaces that to the taken *voxels* of Algorithm 1; radii
     agree within the rounding of a sphere to voxels.
     """
-    left = np.array(distance, dtype=np.float32)
+    # A voxel exactly on a sphere is still free, as in Algorithm 1; one outside the grain never is.
+    left = np.where(distance > 0, distance, -np.inf).astype(np.float32)
+    least = -1e-3 * float(np.min(spacing))
     best = np.empty(left.shape[:2], dtype=np.float32)
     place = np.empty(left.shape[:2], dtype=np.int64)
     _row_maxima(left, best, place)
     for _ in range(n):
         row = int(best.argmax())
         iz, iy = divmod(row, left.shape[1])
-        if best[iz, iy] <= 0:
+        if best[iz, iy] <= least:
             return
         ix = int(place[iz, iy])
         radius = max(float(best[iz, iy]), smallest)
-        _take_ball(left, best, place, iz, iy, ix, radius, spacing)
+        _take_ball(left, best, place, iz, iy, ix, radius, spacing, least)
         yield Sphere((iz, iy, ix), radius)
