@@ -14,11 +14,13 @@ import pyvista as pv
 from jaxtyping import UInt8
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
+from mbstudio.scene import camera
 from mbstudio.scene.annotations import ScaleBar
+from mbstudio.scene.camera import VIEWS, View
 from mbstudio.scene.slices import SlicePlanes
-from mbstudio.scene.surfaces import LABEL_ARRAY
+from mbstudio.scene.surfaces import LABEL_ARRAY, Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme, label_colours, rgb
-from mbstudio.scene.volume import add_volume
+from mbstudio.scene.volume import VolumeVoxels, add_volume
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
@@ -26,18 +28,7 @@ if TYPE_CHECKING:
 Layer = Literal["slices", "volume", "grains", "avatars", "grain", "avatar", "points"]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 
-View = Literal["isometric", "front", "back", "left", "right", "top", "bottom"]
-# Direction from the focal point to the camera, and the direction that is up.
-_VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "isometric": ((1.0, -1.35, 0.9), (0, 0, 1)),
-    "front": ((0, -1, 0), (0, 0, 1)),
-    "back": ((0, 1, 0), (0, 0, 1)),
-    "left": ((-1, 0, 0), (0, 0, 1)),
-    "right": ((1, 0, 0), (0, 0, 1)),
-    "top": ((0, 0, 1), (0, 1, 0)),
-    "bottom": ((0, 0, -1), (0, 1, 0)),
-}
-VIEWS: tuple[View, ...] = tuple(_VIEWS)
+__all__ = ["LAYERS", "VIEWS", "Layer", "Scene", "View"]
 
 
 class Scene:
@@ -103,34 +94,34 @@ class Scene:
         )
         self._apply_visibility()
 
-    def set_volume(self, image: pv.ImageData | None) -> None:
-        """Show a scan's image data (:func:`~mbstudio.scene.volume.volume_image`) as a cloud."""
+    def set_volume(self, voxels: VolumeVoxels | None) -> None:
+        """Show a scan's voxels (:func:`~mbstudio.scene.volume.volume_voxels`) as a cloud."""
         self._remove("volume")
-        if image is not None and self.slices is not None:
-            self._actors["volume"] = add_volume(self.plotter, image, self.slices.window, "volume")
+        if voxels is not None and self.slices is not None:
+            self._actors["volume"] = add_volume(self.plotter, voxels, self.slices.window, "volume")
         self._apply_visibility()
 
     @property
     def has_volume(self) -> bool:
         return "volume" in self._actors
 
-    def set_grains(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+    def set_grains(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show all grains as one surface (:func:`~mbstudio.scene.surfaces.label_surface`)."""
         self._set_labelled("grains", surface, unit)
 
-    def set_avatars(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+    def set_avatars(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show many avatars where their grains lie."""
         self._set_labelled("avatars", surface, unit)
 
-    def set_grain(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+    def set_grain(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show one grain's surface."""
         self._set_surface("grain", surface, self.theme.grain, unit)
 
-    def set_avatar(self, surface: pv.PolyData | None, unit: str | None = None) -> None:
+    def set_avatar(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show one avatar's surface."""
         self._set_surface("avatar", surface, self.theme.avatar, unit)
 
-    def set_points(self, spheres: pv.PolyData | None) -> None:
+    def set_points(self, spheres: Surface | None) -> None:
         """Show an avatar's control points (:func:`~mbstudio.scene.surfaces.control_points`)."""
         self._set_surface("points", spheres, self.theme.points, None)
 
@@ -139,6 +130,9 @@ class Scene:
         self.selected = label
         for layer in ("grains", "avatars"):
             self._colour_labels(layer)
+        if "grains" in self._actors:
+            # The chosen grain may lie deep inside: the others turn to glass around its own surface.
+            self._actors["grains"].prop.opacity = 1.0 if label is None else 0.22
 
     def clear(self) -> None:
         """Take everything away."""
@@ -210,49 +204,26 @@ class Scene:
 
     def fit(self) -> None:
         """Bring all that is shown into the picture, without turning."""
-        bounds = self.bounds()
-        if bounds is None:
-            return
-        centre, radius = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0))) / 2
-        camera = self._renderer.camera
-        away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
-        away = away / (np.linalg.norm(away) or 1.0)
-        camera.SetFocalPoint(*centre)
-        camera.SetPosition(*(centre + away * radius * 4))
-        width, height = self._renderer.GetSize()
-        # What is seen from here decides, not the ball around it: a long grain fills the picture.
-        up = np.array(camera.GetViewUp())
-        right = np.cross(up, away)
-        right /= np.linalg.norm(right) or 1.0
-        up = np.cross(away, right)
-        corners = np.array(np.meshgrid(*bounds.T)).reshape(3, -1).T - centre
-        aspect = width / height if height else 1.0
-        half = max(np.abs(corners @ up).max(), np.abs(corners @ right).max() / aspect)
-        camera.SetParallelScale(max(half, 1e-12) * 1.12)
-        self._renderer.ResetCameraClippingRange()
+        points = self.points()
+        if points is not None:
+            camera.fit(self._renderer, points)
 
     def look_from(self, view: View) -> None:
         """Turn to one of the preset views and fit."""
-        away, up = _VIEWS[view]
-        camera = self._renderer.camera
-        focal = np.array(camera.GetFocalPoint())
-        camera.SetPosition(*(focal + np.array(away)))
-        camera.SetViewUp(*up)
+        camera.turn(self._renderer, view)
         self.fit()
 
-    def bounds(self) -> np.ndarray | None:
-        """Return the corners, shape (2, 3), of all that is shown, or None."""
-        boxes = []
-        for layer in ("grains", "avatars", "grain", "avatar"):
-            actor = self._actors.get(layer)
-            if actor is not None and self._visible[layer]:
-                boxes.append(actor.GetBounds())
+    def points(self) -> np.ndarray | None:
+        """Return points, shape (m, 3), that span all that is shown, or None."""
+        found = []
         if self._box is not None and self._box.GetVisibility():
-            boxes.append(self._box.GetBounds())
-        if not boxes:
-            return None
-        corners = np.array(boxes).reshape(-1, 3, 2)
-        return np.array([corners[..., 0].min(axis=0), corners[..., 1].max(axis=0)])
+            found.append(np.asarray(self._box.mapper.dataset.points))
+        else:
+            for layer in ("grains", "avatars", "grain", "avatar"):
+                if layer in self._actors and self._visible[layer]:
+                    points = np.asarray(self._actors[layer].mapper.dataset.points)
+                    found.append(points[:: max(1, len(points) // 20_000)])
+        return np.concatenate(found).astype(float) if found else None
 
     # ---- asking the picture ---------------------------------------------------------------
 
@@ -280,16 +251,16 @@ class Scene:
         if unit is not None:
             self.unit = self._bar.unit = unit
 
-    def _set_surface(self, layer: Layer, surface: pv.PolyData | None, colour: str, unit: str | None) -> None:
+    def _set_surface(self, layer: Layer, surface: Surface | None, colour: str, unit: str | None) -> None:
         self._set_unit(unit)
-        if surface is None or surface.n_cells == 0:
+        if surface is None or not len(surface.triangles):
             self._remove(layer)
         elif layer in self._actors:
             # While a fit runs this happens ten times a second: only the mapper's input changes.
-            self._actors[layer].mapper.dataset = surface
+            self._actors[layer].mapper.dataset = surface.poly_data()
         else:
             self._actors[layer] = self.plotter.add_mesh(
-                surface,
+                surface.poly_data(),
                 color=colour,
                 smooth_shading=False,
                 specular=0.15,
@@ -311,13 +282,14 @@ class Scene:
                 self._renderer.AddActor(self._actors["grain"])
         self._apply_visibility()
 
-    def _set_labelled(self, layer: Layer, surface: pv.PolyData | None, unit: str | None) -> None:
+    def _set_labelled(self, layer: Layer, surface: Surface | None, unit: str | None) -> None:
         self._set_unit(unit)
         self._remove(layer)
-        if surface is not None and surface.n_cells:
-            surface.cell_data["colour"] = np.zeros((surface.n_cells, 3), dtype=np.uint8)
+        if surface is not None and len(surface.triangles):
+            mesh = surface.poly_data()
+            mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
             self._actors[layer] = self.plotter.add_mesh(
-                surface,
+                mesh,
                 scalars="colour",
                 rgb=True,
                 smooth_shading=False,
@@ -330,7 +302,8 @@ class Scene:
                 show_scalar_bar=False,
             )
             self._actors[layer].prop.interpolation = "Phong"
-            self._colour_labels(layer)
+            self._actors[layer].prop.culling = "back"
+            self.select(self.selected)
         self._apply_visibility()
 
     def _colour_labels(self, layer: Layer) -> None:
@@ -340,7 +313,7 @@ class Scene:
         labels = surface.cell_data[LABEL_ARRAY]
         colours = label_colours(int(labels.max()))
         if self.selected is not None and self.selected < len(colours):
-            chosen = rgb(self.theme.grain)
+            chosen = rgb(self.theme.grain if layer == "grains" else self.theme.avatar)
             # A faint trace of its own colour stays with every other grain.
             colours = (0.78 * np.array(rgb(self.theme.muted)) + 0.22 * colours).astype(np.uint8)
             colours[self.selected] = chosen
@@ -361,7 +334,7 @@ class Scene:
             actor.SetVisibility(self._visible[layer] and self.opacity(layer) > 0.001)
         if self._box is not None:
             self._box.SetVisibility(any(self._visible[layer] for layer in ("slices", "volume", "grains")))
-        self._bar.set_visible(self.bounds() is not None)
+        self._bar.set_visible(self.points() is not None)
 
     def _colour_axes(self) -> None:
         axes = getattr(self._renderer, "axes_actor", None)

@@ -1,16 +1,22 @@
-"""Surfaces to look at: grains, avatars and whole label volumes as pyvista meshes.
+"""Surfaces to look at: grains, avatars and whole label volumes, as plain arrays.
 
-Building a mesh renders nothing, so that all of this may run in a worker thread.
+Everything here may run in a worker thread, and therefore makes no VTK object: VTK lets go of
+Python's lock while it renders, and another thread that makes a VTK object meanwhile can halt
+both for ever. :meth:`Surface.poly_data` is for the thread that renders.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pyvista as pv
+from jaxtyping import Float32, Int32, Int64
+
+from mbstudio.scene.label_net import label_net, vertex_normals
 
 if TYPE_CHECKING:
     import trimesh
@@ -21,24 +27,50 @@ if TYPE_CHECKING:
 LABEL_ARRAY = "label"
 
 
-def poly_data(mesh: trimesh.Trimesh) -> pv.PolyData:
-    """Return a triangle mesh as pyvista's, with point normals."""
-    surface = pv.PolyData.from_regular_faces(
-        np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces, dtype=np.int64)
-    )
-    if surface.n_points:
-        surface = surface.compute_normals(
-            cell_normals=False, point_normals=True, split_vertices=False, consistent_normals=False
-        )
-    return surface
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A triangle surface that is not yet VTK's.
+
+    Attributes
+    ----------
+    points : float32 array, shape (m, 3)
+        Vertices (x, y, z).
+    triangles : int64 array, shape (t, 3)
+    normals : float32 array, shape (m, 3)
+        Unit vectors out of the body.
+    labels : int32 array, shape (t,), optional
+        Grain label of each triangle.
+    """
+
+    points: Float32[np.ndarray, "m 3"]
+    triangles: Int64[np.ndarray, "t 3"]
+    normals: Float32[np.ndarray, "m 3"]
+    labels: Int32[np.ndarray, " t"] | None = None
+
+    def poly_data(self) -> pv.PolyData:
+        """Return the surface as pyvista's; only in the thread that renders."""
+        if not len(self.triangles):
+            return pv.PolyData()
+        surface = pv.PolyData.from_regular_faces(self.points, self.triangles)
+        surface.point_data["Normals"] = self.normals
+        surface.point_data.active_normals_name = "Normals"
+        if self.labels is not None:
+            surface.cell_data[LABEL_ARRAY] = self.labels
+        return surface
 
 
-def grain_surface(grain: Grain) -> pv.PolyData:
+def surface_of(mesh: trimesh.Trimesh) -> Surface:
+    """Return a triangle mesh with normals weighted by area."""
+    points, triangles = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
+    return Surface(points.astype(np.float32), triangles, vertex_normals(points, triangles))
+
+
+def grain_surface(grain: Grain) -> Surface:
     """Return the grain's smoothed surface in its frame and unit."""
-    return poly_data(grain.surface_mesh())
+    return surface_of(grain.surface_mesh())
 
 
-def avatar_surface(avatar: Avatar, cells: int = 64) -> pv.PolyData:
+def avatar_surface(avatar: Avatar, cells: int = 64) -> Surface:
     """Return the avatar's surface with normals taken from the gradient of its field.
 
     Parameters
@@ -47,76 +79,77 @@ def avatar_surface(avatar: Avatar, cells: int = 64) -> pv.PolyData:
         Cells along the longest side: 64 to look at closely, 32 while a fit runs.
     """
     mesh = avatar.mesh(cells=cells)
-    surface = pv.PolyData.from_regular_faces(
-        np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces, dtype=np.int64)
+    points = np.asarray(mesh.vertices, dtype=float)
+    normals = -np.asarray(avatar.gradient(points))
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.where(lengths > 0, lengths, 1)
+    return Surface(
+        points.astype(np.float32), np.asarray(mesh.faces, dtype=np.int64), normals.astype(np.float32)
     )
-    if surface.n_points:
-        normals = -np.asarray(avatar.gradient(np.asarray(mesh.vertices, dtype=float)))
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        normals /= np.where(lengths > 0, lengths, 1)
-        surface.point_data["Normals"] = normals.astype(np.float32)
-        surface.point_data.active_normals_name = "Normals"
-    return surface
 
 
-def avatars_surface(avatars: Iterable[Avatar], cells: int = 24) -> pv.PolyData:
-    """Return many avatars as one surface, each cell with its avatar's label (0: none)."""
-    parts = []
-    for avatar in avatars:
-        part = avatar_surface(avatar, cells)
-        part.cell_data[LABEL_ARRAY] = np.full(part.n_cells, avatar.label or 0, dtype=np.int32)
-        parts.append(part)
+def avatars_surface(avatars: Iterable[Avatar], cells: int = 24) -> Surface:
+    """Return many avatars as one surface, each triangle with its avatar's label (0: none)."""
+    return merge([(avatar_surface(avatar, cells), avatar.label or 0) for avatar in avatars])
+
+
+def merge(parts: list[tuple[Surface, int]]) -> Surface:
+    """Return labelled surfaces as one."""
     if not parts:
-        return pv.PolyData()
-    return parts[0] if len(parts) == 1 else pv.merge(parts, merge_points=False)
+        nothing = np.zeros((0, 3))
+        return Surface(nothing.astype(np.float32), nothing.astype(np.int64), nothing.astype(np.float32))
+    starts = np.cumsum([0, *(len(part.points) for part, _ in parts[:-1])])
+    return Surface(
+        np.concatenate([part.points for part, _ in parts]),
+        np.concatenate([part.triangles + start for (part, _), start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.normals for part, _ in parts]),
+        np.concatenate([np.full(len(part.triangles), label, dtype=np.int32) for part, label in parts]),
+    )
 
 
-def control_points(avatar: Avatar) -> pv.PolyData:
-    """Return small spheres at the control points, a fortieth of the avatar's size across."""
+def control_points(avatar: Avatar) -> Surface:
+    """Return small spheres at the control points, a fiftieth of the avatar's size in radius."""
     centers = np.asarray(avatar.centers)
     extent = float(np.linalg.norm(np.ptp(centers, axis=0))) if len(centers) > 1 else 0.0
     radius = 0.018 * max(extent, 2 * math.sqrt(float(np.max(avatar.weights))))
-    cloud = pv.PolyData(centers)
-    return cloud.glyph(
-        geom=pv.Sphere(radius=radius, theta_resolution=12, phi_resolution=12), scale=False, orient=False
+    directions, triangles = _ball()
+    points = (centers[:, None] + radius * directions[None]).reshape(-1, 3)
+    starts = np.arange(len(centers))[:, None, None] * len(directions)
+    return Surface(
+        points.astype(np.float32),
+        (triangles[None] + starts).reshape(-1, 3),
+        np.tile(directions, (len(centers), 1)).astype(np.float32),
     )
 
 
-def label_surface(grains: GrainSet, longest: int = 200) -> pv.PolyData:
-    """Return all grains as one smoothed surface; each cell knows its grain's label.
+def label_surface(grains: GrainSet, longest: int = 200) -> Surface:
+    """Return all grains as one smoothed surface; each triangle knows its grain's label.
 
     Parameters
     ----------
     longest : int
         The label volume is thinned to every k-th voxel until no side is longer than this: a
         picture of two thousand grains has no use for more.
-
-    Notes
-    -----
-    Surface nets (Frisken, 2022, JCGT 11(1)) as VTK has them: all labels in one pass, shared
-    boundaries once.
     """
     step = max(1, math.ceil(max(grains.labels.shape) / longest))
-    thinned = np.ascontiguousarray(grains.labels[::step, ::step, ::step], dtype=np.int32)
-    if not thinned.any():
-        return pv.PolyData()
-    # A margin of background closes the grains that the scan's box cuts.
-    padded = np.pad(thinned, 1)
-    spacing = np.array(grains.voxel_size.xyz) * step
-    image = pv.ImageData(
-        dimensions=padded.shape[::-1],
-        spacing=tuple(spacing),
-        origin=tuple(np.asarray(grains.origin) - spacing),
+    net = label_net(grains.labels[::step, ::step, ::step])
+    points = net.points * (np.array(grains.voxel_size.xyz) * step) + np.asarray(grains.origin)
+    return Surface(
+        points.astype(np.float32), net.triangles, vertex_normals(points, net.triangles), net.labels
     )
-    image.point_data[LABEL_ARRAY] = padded.ravel()
-    surface = image.contour_labels(
-        boundary_style="external", smoothing=True, output_mesh_type="triangles", scalars=LABEL_ARRAY
+
+
+def _ball(rings: int = 8, around: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices and outward triangles of a unit ball."""
+    polar = np.linspace(0, np.pi, rings + 1)[:, None]
+    turn = np.linspace(0, 2 * np.pi, around, endpoint=False)[None]
+    directions = np.stack(
+        [np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar) + 0 * turn], axis=-1
+    ).reshape(-1, 3)
+    ring, place = (index.ravel() for index in np.mgrid[:rings, :around])
+    here, beside = ring * around + place, ring * around + (place + 1) % around
+    below, below_beside = here + around, beside + around
+    triangles = np.concatenate(
+        [np.column_stack([here, below, below_beside]), np.column_stack([here, below_beside, beside])]
     )
-    sides = np.asarray(surface.cell_data["boundary_labels"])
-    labels = sides.max(axis=1) if sides.ndim == 2 else sides
-    surface.clear_data()
-    surface = surface.compute_normals(
-        cell_normals=False, point_normals=True, split_vertices=False, consistent_normals=False
-    )
-    surface.cell_data[LABEL_ARRAY] = labels.astype(np.int32)
-    return surface
+    return directions, triangles.astype(np.int64)

@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import QSettings, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QDockWidget,
@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.panels.export_panel import ExportPanel
@@ -32,7 +33,7 @@ from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.theme import Choice, Theme
-from mbstudio.ui.view_link import ViewLink
+from mbstudio.ui.view_link import STATION_LAYERS, ViewLink
 from mbstudio.ui.viewport import make_viewport
 from mbstudio.ui.widgets.command_palette import CommandPalette
 from mbstudio.ui.widgets.forms import label
@@ -101,6 +102,7 @@ class MainWindow(QMainWindow):
         self.statusBar().setSizeGripEnabled(False)
         self._connect()
         self._restore_layout()
+        self._pages.setFocus()
         self.enter("scan")
         self.refresh()
 
@@ -174,16 +176,18 @@ class MainWindow(QMainWindow):
         self._pages.addWidget(self.viewport)
         self.view_bar = QToolBar("View")
         self.view_bar.setMovable(False)
-        self.view_bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonIconOnly)
+        self.view_bar.setIconSize(QSize(18, 18))
         for names in (
             ("scan.open", "project.save"),
             ("edit.undo", "edit.redo"),
-            ("layer.slices", "layer.volume", "layer.grains", "layer.grain", "layer.avatar", "layer.points",
-             "layer.avatars"),
+            tuple(f"layer.{layer}" for layer in LAYERS),
             ("view.fit", "view.screenshot"),
-        ):  # fmt: skip
+        ):
             for name in names:
                 self.view_bar.addAction(self.commands.action(name))
+                if name.startswith("layer."):
+                    button = self.view_bar.widgetForAction(self.commands.action(name))
+                    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
             self.view_bar.addSeparator()
         views = QToolButton()
         self.icons.set(views, "ph.video-camera")
@@ -225,6 +229,7 @@ class MainWindow(QMainWindow):
         space.project_replaced.connect(lambda: self.enter("scan"))
         space.scan_changed.connect(self._scan_changed)
         space.grains_changed.connect(lambda: self.table.content.set_grains(space.state.grains))
+        space.grains_changed.connect(self._show_docks)
         space.fits_changed.connect(lambda: self.table.content.set_fits(space.state.fits))
         space.selection_changed.connect(self._selection_changed)
         space.fits_changed.connect(self._show_curve_of_fit)
@@ -455,6 +460,8 @@ class MainWindow(QMainWindow):
         self._stack.setCurrentWidget(self.panels[station])
         self.link.enter(station)
         self._show_docks()
+        for layer in LAYERS:
+            self.commands.action(f"layer.{layer}").setVisible(layer in STATION_LAYERS[station])
         self.panels_fit.points.setChecked(self.link.is_shown("points"))
         self.commands.refresh()
 
@@ -608,6 +615,7 @@ class MainWindow(QMainWindow):
         if geometry is None or not self.restoreGeometry(geometry):
             self.resize(1440, 900)
         self.resizeDocks([self.table_dock], [230], Qt.Orientation.Vertical)
+        self.resizeDocks([self.table_dock, self.curve_dock], [600, 360], Qt.Orientation.Horizontal)
 
     # ---- drag and drop ---------------------------------------------------------------------------
 

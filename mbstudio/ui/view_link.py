@@ -1,4 +1,4 @@
-"""Keeps the 3-D view in step with the work: builds meshes in a thread, puts them into the scene."""
+"""Keeps the 3-D view in step with the work: builds surfaces in a thread, puts them into the scene."""
 
 from __future__ import annotations
 
@@ -6,27 +6,33 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import pyvista as pv
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.imaging import FitResult
 from mbstudio.core.metrics import ShapeFactors, measure
 from mbstudio.scene import Layer, Scene, View
 from mbstudio.scene.surfaces import (
+    Surface,
     avatar_surface,
     avatars_surface,
     control_points,
     grain_surface,
     label_surface,
 )
-from mbstudio.scene.volume import volume_image
+from mbstudio.scene.volume import volume_voxels
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.work.fit_work import FitWork, LiveAvatar
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
-# Longest side in voxels that is drawn: what software renders in a fraction of a second.
+# Layers that can be switched at each station, and the longest side in voxels that is drawn: what software renders in a fraction of a second.
+STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
+    "scan": ("slices", "volume"),
+    "grains": ("slices", "volume", "grains"),
+    "fit": ("slices", "grain", "avatar", "points"),
+    "export": ("slices", "grains", "avatars"),
+}
 DETAIL = {"OpenGL": (320, 384), "software": (140, 160)}
 
 
@@ -34,9 +40,9 @@ DETAIL = {"OpenGL": (320, 384), "software": (140, 160)}
 class _Chosen:
     """What a worker makes of the chosen grain."""
 
-    grain: pv.PolyData
-    avatar: pv.PolyData | None
-    points: pv.PolyData | None
+    grain: Surface
+    avatar: Surface | None
+    points: Surface | None
     grain_factors: ShapeFactors
     avatar_factors: ShapeFactors | None
 
@@ -77,6 +83,7 @@ class ViewLink(QObject):
             "export": {"avatars"},
         }
         self._factors: dict[int, ShapeFactors] = {}
+        self._opacity: dict[Layer, float] = {"grain": 0.45, "avatar": 1.0}
         self._focus: object = None
         self._shown_grain: int | None = None
         workspace.scan_changed.connect(self._scan_changed)
@@ -124,9 +131,9 @@ class ViewLink(QObject):
         self._draw()
 
     def set_opacity(self, layer: Layer, opacity: float) -> None:
-        """Change the opacity of the grain or the avatar."""
-        self.scene.set_opacity(layer, opacity)
-        self._draw()
+        """Change the opacity of the grain or the avatar at station Fit."""
+        self._opacity[layer] = opacity
+        self._arrange()
 
     def move_slice(self, axis: Any, index: int) -> None:
         """Cut the scan elsewhere."""
@@ -231,7 +238,7 @@ class ViewLink(QObject):
             longest = DETAIL[self.viewport.kind][1]
             self._build(
                 "the volume",
-                lambda: volume_image(scan, longest),
+                lambda: volume_voxels(scan, longest),
                 self.scene.set_volume,
                 lambda: scan is self.workspace.scan,
             )
@@ -291,7 +298,10 @@ class ViewLink(QObject):
         unit = grains.unit if grains is not None else next(iter(fits.values())).avatar.unit
         self._build(
             "the avatars",
-            lambda: avatars_surface((fit.avatar for fit in fits.values()), 24 if len(fits) < 500 else 14),
+            lambda: avatars_surface(
+                (fit.avatar for fit in fits.values()),
+                40 if len(fits) < 100 else 24 if len(fits) < 500 else 14,
+            ),
             lambda surface: self.scene.set_avatars(surface, unit),
             lambda: fits is self.workspace.state.fits,
         )
@@ -304,11 +314,17 @@ class ViewLink(QObject):
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
         if self.station == "grains" and state.grains is None:
             layers |= {"slices"}
-        elif (self.station == "fit" and self.workspace.selected is None) or (self.station == "export" and not state.fits):
+        elif (self.station == "fit" and self.workspace.selected is None) or (
+            self.station == "export" and not state.fits
+        ):
             layers = whole
+        if self.station == "grains" and self.workspace.selected is not None and "grains" in layers:
+            layers |= {"grain"}
+        for layer, opacity in self._opacity.items():
+            self.scene.set_opacity(layer, opacity if self.station == "fit" else 1.0)
         self.scene.show_layers(layers)
         single = self.station == "fit" and self.workspace.selected is not None
-        focus = (self.workspace.selected if single else None, self.scene.bounds() is not None)
+        focus = (self.workspace.selected if single else None, self.scene.points() is not None)
         if focus != self._focus or view is not None:
             # The camera moves when what is looked at changes, never while it is looked at.
             self._focus = focus
@@ -323,7 +339,7 @@ class ViewLink(QObject):
         self.drawn.emit()
 
 
-def _drawn_avatar(fit: FitResult | None) -> tuple[pv.PolyData | None, pv.PolyData | None]:
+def _drawn_avatar(fit: FitResult | None) -> tuple[Surface | None, Surface | None]:
     return (None, None) if fit is None else (avatar_surface(fit.avatar, 72), control_points(fit.avatar))
 
 

@@ -24,7 +24,7 @@ _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
     ("slices", "Slices", "ph.squares-four", "Slices through the scan"),
     ("volume", "Volume", "ph.cube", "The whole scan as a cloud"),
     ("grains", "All grains", "ph.polygon", "All grains, each in its colour"),
-    ("grain", "Chosen grain", "ph.circle-half", "Surface of the chosen grain"),
+    ("grain", "Grain", "ph.circle-half", "Surface of the chosen grain"),
     ("avatar", "Avatar", "ph.circles-three", "Surface of the chosen grain's avatar"),
     ("points", "Control points", "ph.dots-nine", "Control points of the avatar"),
     ("avatars", "All avatars", "ph.selection-all", "All avatars where their grains lie"),
@@ -134,8 +134,8 @@ def _view(window: MainWindow) -> list[Command]:
         for number, view in enumerate(VIEWS, 1)
     ]  # fmt: skip
     commands += [
-        Command(f"layer.{layer}", f"Show {title[0].lower()}{title[1:]}", partial(link.show_layer, layer), "View",
-                "", icon, tip, lambda: window.has_view, partial(link.is_shown, layer), separated=number == 0)
+        Command(f"layer.{layer}", title, partial(link.show_layer, layer), "View", "", icon, tip,
+                lambda: window.has_view, partial(link.is_shown, layer), separated=number == 0)
         for number, (layer, title, icon, tip) in enumerate(_LAYERS)
     ]  # fmt: skip
     theme = window.theme

@@ -303,7 +303,7 @@ class TaskQueue(QObject):
     def shut_down(self, seconds: float = 10.0) -> bool:
         """Cancel everything and wait for the threads; return whether all have ended."""
         self.cancel_all()
-        return all([task.wait(seconds) for task in [*self._running.values()]])
+        return all(task.wait(seconds) for task in [*self._running.values()])
 
     def _start_next(self, lane: str) -> None:
         queue = self._waiting.get(lane)

@@ -54,7 +54,6 @@ class ExportPanel(Panel):
         self.density.setRange(0.001, 100_000)
         self.density.setDecimals(0)
         self.density.setValue(2650)
-        self.density.setMinimumWidth(96)
         self.folder = QLineEdit()
         self.folder.setPlaceholderText("Choose an empty folder")
         self.folder.setAccessibleName("Folder")
@@ -194,7 +193,6 @@ def _field(option: Any) -> QWidget:
         low = 0 if option.minimum is None else option.minimum
         whole.setRange(int(low), int(10_000_000 if option.maximum is None else option.maximum))
         whole.setValue(default)
-        whole.setMinimumWidth(96)
         return whole
     if isinstance(default, float):
         real = QDoubleSpinBox()
@@ -204,7 +202,6 @@ def _field(option: Any) -> QWidget:
             1e9 if option.maximum is None else option.maximum,
         )
         real.setValue(default)
-        real.setMinimumWidth(96)
         return real
     line = QLineEdit(str(default))
     line.setMaximumWidth(120)

@@ -52,13 +52,11 @@ class FitPanel(Panel):
 
         self.n = QSpinBox()
         self.n.setRange(1, 1000)
-        self.n.setMinimumWidth(96)
         self.method = QComboBox()
         self.method.addItem("Fast", "fast")
         self.method.addItem("As in the paper", "paper")
         self.seed = QSpinBox()
         self.seed.setRange(0, 2**31 - 1)
-        self.seed.setMinimumWidth(96)
         self.add_heading("Avatar")
         self.add(
             row("Control points n", self.n, "More points follow edges better and take longer"),

@@ -42,7 +42,7 @@ class GrainPanel(Panel):
         self.smoothing.setSingleStep(0.1)
         self.smoothing.setDecimals(1)
         self.threshold_kind = QComboBox()
-        self.threshold_kind.addItem("Automatic (Otsu)", False)
+        self.threshold_kind.addItem("Automatic", False)
         self.threshold_kind.addItem("By hand", True)
         self.threshold = QDoubleSpinBox()
         self.threshold.setRange(-1e9, 1e9)
@@ -67,7 +67,8 @@ class GrainPanel(Panel):
         )
         self._count = label("", "figure")
         self._inside = label("", "hint", wrap=True)
-        self.histogram = Histogram(theme, "D_n", "Histogram of nominal diameters", height=130)
+        self._histogram_name = label("", "hint")
+        self.histogram = Histogram(theme, "Histogram of nominal diameters")
 
         self.add(
             row(
@@ -76,7 +77,11 @@ class GrainPanel(Panel):
                 "Standard deviation of the Gaussian filter before the threshold; 0: none",
                 "voxels",
             ),
-            row("Threshold", self.threshold_kind, "Grey value that parts grains from pores"),
+            row(
+                "Threshold",
+                self.threshold_kind,
+                "Grey value that parts grains from pores; automatic: Otsu's, inside the field of view",
+            ),
         )
         self._threshold_row = row("Grey value", self.threshold, "Voxels at least this bright are grain")
         self.add(self._threshold_row, self.splitting)
@@ -89,6 +94,8 @@ class GrainPanel(Panel):
         result.addWidget(label("Found", "heading"))
         result.addWidget(self._count)
         result.addWidget(self._inside)
+        result.addSpacing(6)
+        result.addWidget(self._histogram_name)
         result.addWidget(self.histogram)
         self.add(self._result)
         self.body.addStretch(1)
@@ -150,7 +157,7 @@ class GrainPanel(Panel):
         self._count.setText(f"{len(grains):,} grains")
         self._inside.setText(f"{inside:,} inside the scan, {len(grains) - inside:,} cut by its edge")
         diameters = np.cbrt(6 * grains.table["volume"].to_numpy(float) / np.pi)
-        self.histogram.set_name(f"Nominal diameter D_n [{unit_label(grains.unit)}]")
+        self._histogram_name.setText(f"Nominal diameter D_n [{unit_label(grains.unit)}]")
         self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
         self.histogram.setVisible(len(grains) > 2)
 

@@ -53,7 +53,7 @@ class ScanPanel(Panel):
             grid.addWidget(label(name, "key"), number, 0, Qt.AlignmentFlag.AlignTop)
             grid.addWidget(value, number, 1)
             self._values[name] = value
-        self.histogram = Histogram(theme, "Grey value", "Histogram of grey values")
+        self.histogram = Histogram(theme, "Histogram of grey values, the count on a log scale")
         self.range = QDoubleRangeSlider(Qt.Orientation.Horizontal)
         self.range.setToolTip("Grey values shown black and white")
         self.range.setAccessibleName("Grey values shown black and white")
@@ -123,7 +123,6 @@ class ScanPanel(Panel):
     def _show_scan(self, scan: Scan) -> None:
         values = sample_of_voxels(scan)
         self.histogram.set_values(values, bins=96, log=True)
-        self.histogram.set_name("Grey value (count on a log scale)")
         low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
         self.range.blockSignals(True)
         self.range.setRange(low, high if high > low else low + 1.0)
@@ -136,4 +135,8 @@ class ScanPanel(Panel):
         self.window_changed.emit(*values)
 
     def _write_range(self, low: float, high: float) -> None:
-        self._range_text.setText(f"black {low:.4g}   ·   white {high:.4g}")
+        self._range_text.setText(f"Black {_grey(low)}   ·   white {_grey(high)}")
+
+
+def _grey(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"

@@ -73,7 +73,10 @@ class SoftwareViewport(Viewport):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
-        self.request_render()
+        if not self._closed:
+            # At once: fitting the view asks the renderer for its size.
+            self.plotter.window_size = self._pixels()
+            self.request_render()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         self._last = event.position()

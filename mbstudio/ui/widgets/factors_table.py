@@ -6,7 +6,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
 from mbstudio.core.metrics import ShapeFactors
-from mbstudio.core.units import unit_label
+from mbstudio.core.units import conversion_factor, unit_label
+from mbstudio.ui.widgets.numbers import readable_power_unit
 
 # Attribute, sign, power of the unit, what it is.
 _ROWS = (
@@ -41,7 +42,8 @@ class FactorsTable(QTableWidget):
         header.setSectionsClickable(False)
         header.setMinimumSectionSize(30)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.ResizeToContents)
+        for column in (0, 3):
+            header.setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
         for column in range(4):
             side = Qt.AlignmentFlag.AlignLeft if column == 0 else Qt.AlignmentFlag.AlignRight
             for row in range(len(_ROWS)):
@@ -58,11 +60,15 @@ class FactorsTable(QTableWidget):
         """Fill the table; what is None stays empty."""
         known = grain or avatar
         for row, (name, sign, power, _) in enumerate(_ROWS):
-            unit = f" [{unit_label(known.unit)}{_POWERS[power]}]" if known is not None and power else ""
-            self.item(row, 0).setText(sign + unit)
             truth = getattr(grain, name) if grain is not None else None
             value = getattr(avatar, name) if avatar is not None else None
-            self.item(row, 1).setText("" if truth is None else f"{truth:.4g}")
-            self.item(row, 2).setText("" if value is None else f"{value:.4g}")
-            error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f} %"
+            unit, factor = "", 1.0
+            if known is not None and power:
+                shown = readable_power_unit(getattr(known, name), known.unit, power)
+                unit = f" [{unit_label(shown)}{_POWERS[power]}]"
+                factor = conversion_factor(known.unit, shown) ** power
+            self.item(row, 0).setText(sign + unit)
+            self.item(row, 1).setText("" if truth is None else f"{truth * factor:#.4g}")
+            self.item(row, 2).setText("" if value is None else f"{value * factor:#.4g}")
+            error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
             self.item(row, 3).setText(error)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QComboBox,
+    QDoubleSpinBox,
     QFrame,
     QHBoxLayout,
     QLabel,
@@ -65,8 +68,11 @@ def set_badge(pill: QLabel, text: str, kind: str) -> None:
         pill.style().polish(pill)
 
 
+FIELD = 150  # pixels: all fields of a form are equally wide
+
+
 def row(title: str, field: QWidget, tip: str = "", unit: str = "") -> QWidget:
-    """Return a line of a form: its name on the left, its field (and unit) on the right."""
+    """Return a line of a form: its name on the left, its field (with its unit) on the right."""
     line = QWidget()
     layout = QHBoxLayout(line)
     layout.setContentsMargins(0, 0, 0, 0)
@@ -74,8 +80,10 @@ def row(title: str, field: QWidget, tip: str = "", unit: str = "") -> QWidget:
     name.setBuddy(field)
     layout.addWidget(name, 1)
     layout.addWidget(field)
-    if unit:
-        layout.addWidget(label(unit, "unit"))
+    if isinstance(field, QAbstractSpinBox | QComboBox):
+        field.setFixedWidth(FIELD)
+    if unit and isinstance(field, QSpinBox | QDoubleSpinBox):
+        field.setSuffix(f" {unit}")
     field.setAccessibleName(title)
     for widget in (field, name):
         widget.setToolTip(tip)

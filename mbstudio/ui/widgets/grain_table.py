@@ -19,12 +19,13 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from mbstudio.core.grains import GrainSet
 from mbstudio.core.imaging.steps import FitResult
-from mbstudio.core.units import unit_label
+from mbstudio.core.units import conversion_factor, unit_label
+from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
-COLUMNS = ("Grain", "Volume", "D_n", "Touches border", "Avatar", "RMS distance", "Verdict")
+COLUMNS = ("Grain", "Volume", "D_n", "Edge", "Avatar", "RMS distance", "Verdict")
 _TIPS = (
     "Label of the grain in the label volume",
     "Volume V, by counting voxels",
@@ -41,7 +42,7 @@ class GrainTableModel(QAbstractTableModel):
 
     def __init__(self) -> None:
         super().__init__()
-        self._unit = "um"
+        self._unit = self._volume_unit = "um"
         self._columns: dict[str, np.ndarray] = {}
         self._labels = np.zeros(0, dtype=int)
         self._fits: Mapping[int, FitResult] = {}
@@ -57,9 +58,12 @@ class GrainTableModel(QAbstractTableModel):
             table = grains.table
             volume = table["volume"].to_numpy(float)
             self._unit = grains.unit
+            self._volume_unit = readable_power_unit(
+                float(np.median(volume)) if len(volume) else 1.0, grains.unit, 3
+            )
             self._labels = table["label"].to_numpy(int)
             self._columns = {
-                "volume": volume,
+                "volume": volume * conversion_factor(self._unit, self._volume_unit) ** 3,
                 "dn": np.cbrt(6 * volume / np.pi),
                 "border": table["touches_border"].to_numpy(bool),
             }
@@ -93,7 +97,9 @@ class GrainTableModel(QAbstractTableModel):
             return None
         if role == Qt.ItemDataRole.DisplayRole:
             unit = unit_label(self._unit)
-            return {1: f"V [{unit}³]", 2: f"D_n [{unit}]", 5: f"RMS [{unit}]"}.get(section, COLUMNS[section])
+            return {1: f"V [{unit_label(self._volume_unit)}³]", 2: f"D_n [{unit}]", 5: f"RMS [{unit}]"}.get(
+                section, COLUMNS[section]
+            )
         if role == Qt.ItemDataRole.ToolTipRole:
             return _TIPS[section]
         if role == Qt.ItemDataRole.TextAlignmentRole:
@@ -135,16 +141,16 @@ class GrainTableModel(QAbstractTableModel):
         if column == 0:
             return str(self.label(row))
         if column == 1:
-            return f"{self._columns['volume'][row]:.4g}"
+            return f"{self._columns['volume'][row]:#.4g}"
         if column == 2:
             return f"{self._columns['dn'][row]:.1f}"
         if column == 3:
-            return "cut by the edge" if self._columns["border"][row] else "inside"
+            return "cut" if self._columns["border"][row] else "inside"
         if fit is None:
             return "–"
         return (
             f"n = {fit.avatar.n}",
-            f"{fit.verdict.rms:.3g}",
+            f"{fit.verdict.rms:#.3g}",
             "valid" if fit.verdict.valid else "not valid",
         )[column - 4]
 
@@ -175,10 +181,10 @@ class GrainTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(27)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
-        header.setMinimumSectionSize(64)
+        header.setMinimumSectionSize(58)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
-        self.setColumnWidth(0, 72)
+        self.setColumnWidth(0, 62)
         self.selectionModel().currentRowChanged.connect(self._row_chosen)
         self._quiet = False
 

@@ -3,22 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Signal
-from PySide6.QtGui import QColor
+from PySide6.QtGui import QColor, QFont
 
 from mbstudio.ui.theme import Theme
 
 pg.setConfigOptions(antialias=True)
+
+_TICKS = QFont()
+_TICKS.setPixelSize(11)
+
+
+class LogAxis(pg.AxisItem):
+    """An axis that, on a log scale, names 1, 2 and 5 times the powers of ten."""
+
+    def logTickValues(self, minVal: float, maxVal: float, size: float, stdTicks: Any) -> list[Any]:
+        low, high = int(np.floor(minVal)), int(np.ceil(maxVal))
+        steps = (1, 2, 5) if high - low <= 3 else (1,)
+        ticks = [exponent + np.log10(step) for exponent in range(low, high + 1) for step in steps]
+        return [(1.0, [tick for tick in ticks if minVal <= tick <= maxVal])]
+
+    def logTickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
+        return [
+            f"{10**value:.0e}".replace("e-0", "e-") if value < -4 else f"{10**value:.4g}" for value in values
+        ]
 
 
 class Plot(pg.PlotWidget):
     """A plot without frame whose axes and grid follow the theme."""
 
     def __init__(self, theme: Theme, bottom: str, left: str, name: str) -> None:
-        super().__init__()
+        super().__init__(axisItems={"left": LogAxis(orientation="left")})
         self._theme = theme
         self._names = (bottom, left)
         self.setAccessibleName(name)
@@ -35,7 +54,9 @@ class Plot(pg.PlotWidget):
             axis = self.getAxis(side)
             axis.setPen(pg.mkPen(tokens.strong_border))
             axis.setTextPen(pg.mkPen(tokens.muted))
-            axis.setLabel(text, color=tokens.muted, **{"font-size": "12px"})
+            if text:
+                axis.setLabel(text, color=tokens.muted, **{"font-size": "12px"})
+            axis.setTickFont(_TICKS)
             axis.setStyle(tickLength=-4)
         self.showGrid(x=True, y=True, alpha=0.16 if self._theme.is_dark else 0.13)
 
@@ -116,8 +137,8 @@ class Histogram(Plot):
 
     picked = Signal(float)
 
-    def __init__(self, theme: Theme, bottom: str, name: str, height: int = 120) -> None:
-        super().__init__(theme, bottom, "", name)
+    def __init__(self, theme: Theme, name: str, height: int = 104) -> None:
+        super().__init__(theme, "", "", name)
         self.setFixedHeight(height)
         self.hideAxis("left")
         self.setMouseEnabled(x=False, y=False)
@@ -133,13 +154,8 @@ class Histogram(Plot):
         super().repaint_theme()
         self.showGrid(x=False, y=False)
         tokens = self._theme.tokens
-        self._bars.setOpts(brush=pg.mkBrush(tokens.accent), pen=pg.mkPen(tokens.surface, width=0.5))
+        self._bars.setOpts(brush=pg.mkBrush(tokens.accent), pen=pg.mkPen(None))
         self._marker.setPen(pg.mkPen(tokens.warning, width=2))
-
-    def set_name(self, bottom: str) -> None:
-        """Change the name (with unit) of the axis."""
-        self._names = (bottom, "")
-        self.repaint_theme()
 
     def set_values(self, values: np.ndarray, bins: int = 48, log: bool = False) -> None:
         """Count values; a log count keeps small peaks visible beside a great one."""

@@ -33,6 +33,7 @@ class Rail(QFrame):
             button.setIconSize(QSize(25, 25))
             button.setFixedSize(66, 62)
             button.setCursor(Qt.CursorShape.PointingHandCursor)
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
             icons.set(button, icon)
             button.clicked.connect(lambda _checked=False, station=name: self.chosen.emit(station))
             self._group.addButton(button)

@@ -25,7 +25,7 @@ class Welcome(QFrame):
         self.sample_button = QPushButton("Try the sample")
         self.project_button = QPushButton("Open a project…")
         content = QWidget()
-        content.setMaximumWidth(560)
+        content.setMaximumWidth(600)
         layout = QVBoxLayout(content)
         layout.setSpacing(12)
         layout.addWidget(picture)

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import pyvista as pv
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch import fit_many
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
-from mbstudio.scene.surfaces import avatar_surface, control_points
+from mbstudio.scene.surfaces import Surface, avatar_surface, control_points
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -25,8 +24,8 @@ LIVE_CELLS = 36  # of the avatar's surface while the search runs
 class LiveAvatar:
     """The avatar as it stands, ready to be drawn."""
 
-    surface: pv.PolyData
-    points: pv.PolyData
+    surface: Surface
+    points: Surface
 
 
 @dataclass(eq=False)

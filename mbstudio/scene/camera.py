@@ -1,0 +1,54 @@
+"""Where the camera stands: preset views, and fitting what is shown into the picture."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+View = Literal["isometric", "front", "back", "left", "right", "top", "bottom"]
+MARGIN = 1.14  # of free space around what is fitted
+
+# Direction from the focal point to the camera, and the direction that is up.
+_VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "isometric": ((1.0, -1.35, 0.9), (0, 0, 1)),
+    "front": ((0, -1, 0), (0, 0, 1)),
+    "back": ((0, 1, 0), (0, 0, 1)),
+    "left": ((-1, 0, 0), (0, 0, 1)),
+    "right": ((1, 0, 0), (0, 0, 1)),
+    "top": ((0, 0, 1), (0, 1, 0)),
+    "bottom": ((0, 0, -1), (0, 1, 0)),
+}
+VIEWS: tuple[View, ...] = tuple(_VIEWS)
+
+
+def turn(renderer: Any, view: View) -> None:
+    """Turn the camera to a preset direction."""
+    away, up = _VIEWS[view]
+    camera = renderer.GetActiveCamera()
+    camera.SetPosition(*(np.array(camera.GetFocalPoint()) + np.array(away)))
+    camera.SetViewUp(*up)
+
+
+def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:
+    """Bring points into the picture without turning.
+
+    What is seen from here decides, not the ball around it: a long grain fills the picture.
+    """
+    camera = renderer.GetActiveCamera()
+    away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
+    away = away / (np.linalg.norm(away) or 1.0)
+    right = np.cross(camera.GetViewUp(), away)
+    right /= np.linalg.norm(right) or 1.0
+    axes = np.array([right, np.cross(away, right), away])
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    centre = (low + high) / 2 @ axes
+    width, height = renderer.GetSize()
+    aspect = width / height if width and height else 1.0
+    half = max((high[1] - low[1]) / 2, (high[0] - low[0]) / 2 / aspect, 1e-12)
+    camera.SetFocalPoint(*centre)
+    camera.SetPosition(*(centre + away * 4 * max(half, float(high[2] - low[2]))))
+    camera.SetParallelScale(half * MARGIN)
+    renderer.ResetCameraClippingRange()

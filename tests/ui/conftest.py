@@ -1,0 +1,98 @@
+"""The window under test: its own settings, closed without questions, nothing left alive."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+import tifffile
+from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+
+from mbstudio.ui.main_window import MainWindow
+from mbstudio.ui.theme import Theme
+
+PATIENCE = 120_000  # milliseconds that a test waits for work before it gives up
+
+
+def delete_later_now():
+    """Run what waits for deletion: processEvents does not."""
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    QCoreApplication.processEvents()
+
+
+@pytest.fixture
+def settings(tmp_path):
+    return QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat)
+
+
+@pytest.fixture
+def theme(qapp, settings):
+    theme = Theme(settings)
+    yield theme
+    theme.deleteLater()
+    delete_later_now()
+
+
+@pytest.fixture
+def window(qtbot, settings, theme):
+    window = MainWindow(settings, theme)
+    window.ask_before_closing = False
+    window.resize(1280, 800)
+    window.show()
+    qtbot.waitExposed(window)
+    yield window
+    window.close()
+    assert window.queue.is_idle or window.queue.shut_down()
+    window.deleteLater()
+    delete_later_now()
+    gc.collect()
+
+
+@pytest.fixture
+def idle(qtbot, window):
+    """Wait until no task runs or waits and the view is drawn."""
+
+    def wait():
+        qtbot.waitUntil(lambda: window.queue.is_idle, timeout=PATIENCE)
+        for _ in range(3):
+            QCoreApplication.processEvents()
+
+    return wait
+
+
+def ellipsoid(shape, centre, radii):
+    z, y, x = np.ogrid[: shape[0], : shape[1], : shape[2]]
+    return sum(((axis - c) / r) ** 2 for axis, c, r in zip((z, y, x), centre, radii, strict=True)) <= 1
+
+
+@pytest.fixture(scope="session")
+def scan_path(tmp_path_factory):
+    """A scan of 64 cubed: two grains inside and one that the edge cuts, with noise."""
+    shape = (64, 64, 64)
+    grains = (
+        ellipsoid(shape, (20, 22, 22), (11, 13, 10))
+        | ellipsoid(shape, (42, 42, 40), (12, 10, 14))
+        | ellipsoid(shape, (60, 14, 50), (9, 9, 9))
+    )
+    noise = np.random.default_rng(7).normal(0, 500, shape)
+    grey = np.where(grains, 30_000, 8_000) + noise
+    path = tmp_path_factory.mktemp("scan") / "three_grains.tif"
+    tifffile.imwrite(path, grey.astype(np.uint16))
+    return path
+
+
+@pytest.fixture
+def scanned(window, idle, scan_path):
+    """The window with the scan opened."""
+    window.open_path(scan_path, "14 um")
+    idle()
+    return window
+
+
+@pytest.fixture
+def segmented(scanned, idle):
+    """The window with its three grains found."""
+    assert scanned.commands.run("grains.find")
+    idle()
+    return scanned

@@ -1,0 +1,145 @@
+"""What the window says of bad input: one message that names the file, nothing lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tifffile
+from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
+from PySide6.QtGui import QDropEvent
+from PySide6.QtWidgets import QDialog
+
+from mbstudio.ui.widgets.scan_dialog import ScanDialog
+
+
+def drop(window, *paths):
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    event = QDropEvent(
+        QPointF(400, 300),
+        Qt.DropAction.CopyAction,
+        data,
+        Qt.MouseButton.LeftButton,
+        Qt.KeyboardModifier.NoModifier,
+    )
+    window.dropEvent(event)
+
+
+@pytest.fixture
+def bad_files(tmp_path, scan_path):
+    whole = scan_path.read_bytes()
+    (tmp_path / "cut.tif").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "empty.tif").write_bytes(b"")
+    (tmp_path / "text.mbs").write_text("no project")
+    (tmp_path / "holiday.docx").write_bytes(b"PK\x03\x04")
+    np.save(tmp_path / "constant.npy", np.full((20, 20, 20), 7, dtype=np.uint8))
+    slices = tmp_path / "slices"
+    slices.mkdir()
+    for number, side in enumerate((20, 20, 24)):
+        tifffile.imwrite(slices / f"slice_{number}.tif", np.zeros((side, side), np.uint8))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["cut.tif", "empty.tif", "text.mbs", "holiday.docx", "slices", "missing.tif"])
+def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_files, name, qtbot):
+    window = segmented
+    before = window.workspace.state
+    with qtbot.captureExceptions() as exceptions:
+        if name.endswith(".mbs"):
+            drop(window, bad_files / name)
+        else:
+            window.open_path(bad_files / name, "14 um")
+        idle()
+    assert not exceptions
+    assert window.messages.level == "error"
+    assert name in window.messages.text
+    assert "Traceback" not in window.messages.text
+    assert "mistake in mbstudio" not in window.messages.text
+    assert window.workspace.state is before
+
+
+def test_voxels_that_are_all_equal_hold_no_grains(window, idle, bad_files):
+    window.open_path(bad_files / "constant.npy", "14 um")
+    idle()
+    assert window.commands.run("grains.find")
+    idle()
+    assert window.messages.level == "error"
+    assert window.workspace.state.grains is None
+
+
+def test_a_scan_without_voxel_size_is_asked_about(window, idle, tmp_path):
+    path = tmp_path / "plain.npy"
+    np.save(path, np.random.default_rng(0).integers(0, 255, (12, 12, 12)).astype(np.uint8))
+    drop(window, path)
+    idle()
+    (dialog,) = window.findChildren(ScanDialog)
+    assert not dialog.open_button.isEnabled()
+    for wrong in ("-3", "0", "fourteen", "1 x 2"):
+        dialog.size_field.setText(wrong)
+        assert not dialog.open_button.isEnabled(), wrong
+    dialog.size_field.setText("20 x 14 x 14")
+    dialog.unit_field.setCurrentIndex(dialog.unit_field.findData("um"))
+    dialog.open_button.click()
+    idle()
+    assert window.workspace.scan.voxel_size.zyx == (20, 14, 14)
+
+
+def test_a_raw_file_shorter_than_its_shape_cannot_be_opened(window, idle, tmp_path):
+    path = tmp_path / "short.raw"
+    path.write_bytes(bytes(1000))
+    window.open_path(path)
+    (dialog,) = window.findChildren(ScanDialog)
+    dialog.size_field.setText("14")
+    for field in dialog.shape_fields:
+        field.setValue(11)
+    dialog.type_field.setCurrentText("uint8")
+    assert not dialog.open_button.isEnabled()
+    assert "1,331 bytes" in dialog._problem.text()
+    for field in dialog.shape_fields:
+        field.setValue(10)
+    assert dialog.open_button.isEnabled()
+    dialog.open_button.click()
+    idle()
+    assert window.workspace.scan.shape == (10, 10, 10)
+    assert not [box for box in window.findChildren(QDialog) if box.isVisible()]
+
+
+def test_labels_of_another_shape_are_refused(segmented, idle, tmp_path):
+    window = segmented
+    before = window.workspace.state.grains
+    np.save(tmp_path / "labels.npy", np.ones((5, 5, 5), dtype=np.int32))
+    window.grains.load(tmp_path / "labels.npy")
+    idle()
+    assert window.messages.level == "error"
+    assert window.workspace.state.grains is before
+
+
+def test_a_folder_that_cannot_be_written_loses_nothing(segmented, idle, tmp_path):
+    window = segmented
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    window.projects.save(blocked / "sand.mbs")
+    idle()
+    assert window.messages.level == "error"
+    assert str(blocked) in window.messages.text
+    assert window.workspace.is_modified
+    assert blocked.read_text() == "in the way"
+
+
+def test_an_unexpected_error_is_a_message_too(window, idle, caplog):
+    from mbstudio.ui.workers import Task
+
+    def fail(control):
+        raise ZeroDivisionError("division by zero")
+
+    window.queue.submit(Task("Counting", fail))
+    idle()
+    assert window.messages.level == "error"
+    assert "ZeroDivisionError" in window.messages.text
+    assert "Counting failed" in caplog.text
+
+
+def test_two_files_at_once_are_too_many(window, scan_path):
+    drop(window, scan_path, scan_path)
+    assert window.messages.level == "warning"
+    assert window.queue.is_idle
