@@ -97,7 +97,7 @@ def _factors_of(body: _Body) -> ShapeFactors:
     if not body.volume > 0:
         raise MeasureError("The body has no volume, so no shape factors.")
     hull = convex_hull((body.coarse or body.outline)[0])
-    box = minimum_bounding_box(hull, body.outline[0])
+    box = minimum_bounding_box(hull, None if body.coarse is None else body.outline[0])
     shadow = maximum_projection(*body.outline, hull, coarse=body.coarse)
     shortest, intermediate, longest = (float(length) for length in box.lengths)
     dn = factors.nominal_diameter(body.volume)

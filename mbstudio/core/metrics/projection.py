@@ -58,9 +58,7 @@ class SilhouetteCaster:
         self._vertices = np.ascontiguousarray((vertices - (low + high) / 2) / self._scale)
         self._faces = np.ascontiguousarray(faces)
         self._solid = self._make_solid()
-        self._light = self._solid
-        if self._solid is not None and len(faces) > _MANY_FACES:
-            self._light = self._solid.simplify(_LIGHT_TOLERANCE)
+        self._light = None
 
     def cast(self, direction: Float[np.ndarray, " 3"]) -> Silhouette:
         """Return the silhouette along a direction (any length but zero)."""
@@ -80,6 +78,9 @@ class SilhouetteCaster:
         """Return the projected area along a direction; of a large mesh to 0.1 %, to compare directions by."""
         if self._solid is None:
             return self.cast(direction).area
+        if self._light is None:
+            many = len(self._faces) > _MANY_FACES
+            self._light = self._solid.simplify(_LIGHT_TOLERANCE) if many else self._solid
         return float(_project(self._light, _frame_along(direction)).area()) * self._scale**2
 
     def _make_solid(self):  # type: ignore[no-untyped-def]
