@@ -194,7 +194,9 @@ def _threshold(
         high = max(high, settings.threshold + (high - low))
     if low == high:  # nearly all voxels alike: the few others are what there is to see
         low, high = float(voxels.min()), float(voxels.max())
-    grey = np.clip(voxels, low, high).astype(np.float32)
+    grey = np.empty(voxels.shape, np.float32)
+    for part, target in zip(voxels, grey, strict=True):
+        target[:] = np.clip(part, low, high)
     _denoise(grey, view, voxel_size, settings.denoise_sigma)
     threshold = settings.threshold
     if threshold is None:
@@ -257,7 +259,7 @@ def _fill_pinholes(mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView) -> None:
 def _distance_map(
     mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize
 ) -> Float[np.ndarray, "Z Y X"]:
-    """Return the distance to the void, in the smallest voxel edge; 0 outside the grains.
+    """Return the distance to the surface, in the smallest voxel edge; 0 outside the grains.
 
     What the scan has not seen, beyond the box or the field of view, counts as solid: a grain that
     is cut off is not the narrower for it.
@@ -267,6 +269,8 @@ def _distance_map(
     anisotropy = tuple(edge / shortest for edge in voxel_size.zyx)
     distance = edt.edt(np.ascontiguousarray(solid), anisotropy=anisotropy, black_border=False, parallel=0)
     np.nan_to_num(distance, copy=False, posinf=float(max(mask.shape)))
+    # From the middle of the nearest void voxel to the surface: otherwise small necks look wide.
+    distance -= 0.5
     distance *= mask
     return distance
 
