@@ -99,7 +99,7 @@ class FastFit(StepRun):
     def _begin(self, control: np.ndarray, settings: RefineSettings) -> None:
         assert self.prepared is not None
         search = Refinement(self.prepared, control, settings)
-        search.push_inside(search.control, fallback=control)
+        search.settle()
         self._refinement, self.control, self._found = search, search.control, None
 
     def _change_number(self, n: int) -> None:

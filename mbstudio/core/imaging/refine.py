@@ -240,37 +240,40 @@ class Refinement:
         moved = self.control.copy()
         moved[3] *= np.exp(np.clip(step[:n], -0.7, 0.7))
         moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
-        self.push_inside(moved, fallback=self.control)
+        # A point that is too shallow already (in a spike) may stay so, but go no further out:
+        # were it moved at every trial, the shortest step would still not be a small change.
+        self._push(moved, np.minimum(self.hard_depth, self._depth(self.control[:3])[0]), self.control)
         return moved
 
-    def push_inside(self, control: np.ndarray, fallback: np.ndarray | None = None) -> None:
-        """Move control points that are too shallow inward along the signed distance, in place.
-
-        Those that stay too shallow all the same (spikes, thin plates) go to their `fallback` (its
-        rows x, y, z), or, where that is no deeper than the hull, to the nearest voxel that is.
-        """
+    def _depth(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return signed distance and its gradient at points (rows x, y, z)."""
         prepared = self.prepared
-        depth, slope = np.empty(control.shape[1]), np.empty((3, control.shape[1]))
+        depth, slope = np.empty(points.shape[1]), np.empty((3, points.shape[1]))
+        depth_at(points, prepared.distance, prepared.origin, prepared.spacing, depth, slope)
+        return depth, slope
 
-        def measure(points: np.ndarray) -> np.ndarray:
-            depth_at(points, prepared.distance, prepared.origin, prepared.spacing, depth, slope)
-            return depth
-
+    def _push(self, control: np.ndarray, least: np.ndarray, fallback: np.ndarray) -> None:
+        """Move control points shallower than `least` inward, in place; back to `fallback` where that fails."""
         for _ in range(3):
-            low = measure(control[:3]) < self.hard_depth
+            depth, slope = self._depth(control[:3])
+            low = depth < least
             if not low.any():
                 return
             norm = np.maximum((slope[:, low] ** 2).sum(axis=0), 1e-3)
-            control[:3, low] += slope[:, low] * ((self.hard_depth - depth[low]) / norm)
-        stuck = measure(control[:3]) < min(prepared.voxel, self.hard_depth)
-        if fallback is not None:
-            control[:3, stuck] = fallback[:3, stuck]
-        outside = np.flatnonzero(measure(control[:3]) < 0.25 * min(prepared.voxel, prepared.deepest))
+            control[:3, low] += slope[:, low] * ((least[low] - depth[low]) / norm)
+        stuck = self._depth(control[:3])[0] < np.minimum(least, self.prepared.voxel) - 1e-9
+        control[:3, stuck] = fallback[:3, stuck]
+
+    def settle(self) -> None:
+        """Bring the control points of a start to where the search allows them, as far as the shape has such places."""
+        prepared, start = self.prepared, self.control.copy()
+        self._push(self.control, np.full(self.control.shape[1], self.hard_depth), start)
+        outside = np.flatnonzero(self._depth(self.control[:3])[0] < 0.25 * min(prepared.voxel, prepared.deepest))
         if len(outside):
             deep = np.argwhere(prepared.distance >= min(0.45 * prepared.voxel, prepared.deepest))
             places = deep[:, ::-1] * prepared.spacing + prepared.origin
             for i in outside:
-                control[:3, i] = places[((places - control[:3, i]) ** 2).sum(axis=1).argmin()]
+                self.control[:3, i] = places[((places - self.control[:3, i]) ** 2).sum(axis=1).argmin()]
 
     def advance(self) -> bool:
         """Make one step; return False where no damping finds a lower sum of squares."""

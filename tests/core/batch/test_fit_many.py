@@ -1,0 +1,169 @@
+"""Batches: every grain once, the same results whatever the processes, errors kept apart, cancelling."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mbstudio.core.batch import BatchItem, crew, fit_many
+from mbstudio.core.batch.crew import grain_seed
+from mbstudio.core.errors import FitError
+from mbstudio.core.grains import Grain, GrainSet
+from mbstudio.core.imaging import fit
+from mbstudio.core.units import VoxelSize
+
+VOXEL = VoxelSize(1, 1, 1, "um")
+
+
+def ball(radius: float, **details: object) -> Grain:
+    side = np.arange(-int(radius), int(radius) + 1)
+    mask = side[:, None, None] ** 2 + side[None, :, None] ** 2 + 1.5 * side[None, None, :] ** 2 <= radius**2
+    where = np.argwhere(mask)
+    box = tuple(slice(a, b) for a, b in zip(where.min(axis=0), where.max(axis=0) + 1, strict=True))
+    return Grain(mask[box], VOXEL, **details)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def grains() -> list[Grain]:
+    return [ball(6 + i, label=10 * i + 3, name=f"ball {i}") for i in range(4)]
+
+
+def by_label(items: object) -> dict[int, BatchItem]:
+    collected = list(items)  # type: ignore[call-overload]
+    assert len({item.label for item in collected}) == len(collected)
+    return {item.label: item for item in collected}
+
+
+def test_processes_give_what_the_calling_thread_gives(grains: list[Grain]) -> None:
+    there = by_label(fit_many(grains, n=8, seed=5, workers=2))
+    here = by_label(fit_many(grains, n=8, seed=5, workers=0))
+    assert sorted(there) == sorted(here) == [3, 13, 23, 33]
+    for label, item in there.items():
+        assert item.error is None
+        np.testing.assert_array_equal(item.result.avatar.centers, here[label].result.avatar.centers)
+        np.testing.assert_array_equal(item.result.avatar.weights, here[label].result.avatar.weights)
+        assert item.result.avatar.label == label
+        assert not item.result.avatar.weights.flags.writeable
+        assert item.result.verdict == here[label].result.verdict
+
+
+def test_a_grain_is_fitted_as_it_would_be_alone_with_its_seed(grains: list[Grain]) -> None:
+    items = by_label(fit_many(grains, [23], n=8, seed=5, workers=0))
+    alone = fit(grains[2], 8, seed=grain_seed(5, 23))
+    np.testing.assert_array_equal(items[23].result.avatar.weights, alone.avatar.weights)
+    assert grain_seed(5, 23) != grain_seed(5, 33) != grain_seed(6, 33)
+
+
+def test_one_bad_grain_does_not_end_the_batch(grains: list[Grain]) -> None:
+    empty = Grain(np.zeros((3, 3, 3), dtype=bool), VOXEL, label=99, name="nothing")
+    items = by_label(fit_many([grains[0], empty, grains[1]], n=8, workers=1))
+    assert items[99].result is None
+    assert "'nothing'" in items[99].error
+    assert items[3].result.verdict.valid
+    assert items[13].result.verdict.valid
+
+
+def test_a_grain_too_small_for_n_gets_what_it_can_hold(grains: list[Grain]) -> None:
+    tiny = ball(2.2, label=1)
+    items = by_label(fit_many([tiny, grains[0]], n=60, workers=0))
+    assert items[1].error is None
+    assert items[1].result.n == 60
+    assert 1 <= items[1].result.avatar.n < 60
+    assert items[3].result.avatar.n == 60
+
+
+def test_a_label_that_does_not_exist_is_an_item_with_an_error(grains: list[Grain]) -> None:
+    items = by_label(fit_many(grains, [3, 77], n=8, workers=0))
+    assert items[3].error is None
+    assert "77" in items[77].error
+
+
+def test_grain_sets_are_cut_up_by_label() -> None:
+    labels = np.zeros((20, 20, 44), dtype=np.int32)
+    body = ball(8).mask
+    labels[1 : 1 + body.shape[0], 1 : 1 + body.shape[1], 1 : 1 + body.shape[2]] = 4
+    labels[1 : 1 + body.shape[0], 1 : 1 + body.shape[1], 22 : 22 + body.shape[2]] = 9
+    z, y, x = body.shape
+    table = pd.DataFrame(
+        [
+            {"label": label, "voxels": int(body.sum()), "z0": 1, "z1": 1 + z, "y0": 1, "y1": 1 + y, "x0": x0, "x1": x0 + x,
+             "touches_border": False}
+            for label, x0 in ((4, 1), (9, 22))
+        ]
+    )  # fmt: skip
+    items = by_label(fit_many(GrainSet(labels, table, VOXEL), n=8, workers=1))
+    assert sorted(items) == [4, 9]
+    shift = items[9].result.avatar.centers.mean(axis=0) - items[4].result.avatar.centers.mean(axis=0)
+    np.testing.assert_allclose(shift, [21, 0, 0], atol=1.5)
+
+
+def children() -> list[int]:
+    """Process ids of this process's children."""
+    found = []
+    for task in Path("/proc/self/task").iterdir():
+        found += [int(pid) for pid in (task / "children").read_text().split()]
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc to list child processes")
+def test_closing_ends_the_processes(grains: list[Grain]) -> None:
+    before = set(children())
+    batch = fit_many(grains, n=8, workers=2)
+    next(batch)
+    assert set(children()) - before
+    batch.close()
+    assert set(children()) == before
+
+
+def test_a_dead_process_costs_its_grain_only(grains: list[Grain], monkeypatch: pytest.MonkeyPatch) -> None:
+    real, killed = crew._Worker.fit, []
+
+    def fit_or_die(self, task):
+        if task.label == 13:
+            killed.append(task.label)
+            self.kill()
+        return real(self, task)
+
+    monkeypatch.setattr(crew._Worker, "fit", fit_or_die)
+    items = by_label(fit_many(grains, n=8, workers=1))
+    assert killed == [13]
+    assert "process" in items[13].error
+    assert all(items[label].result.verdict.valid for label in (3, 23, 33))
+
+
+def test_works_from_a_thread(grains: list[Grain]) -> None:
+    found: list[BatchItem] = []
+    thread = threading.Thread(target=lambda: found.extend(fit_many(grains[:2], n=8, workers=1)))
+    thread.start()
+    thread.join(timeout=120)
+    assert sorted(item.label for item in found) == [3, 13]
+
+
+def test_works_from_a_bare_script_without_a_main_guard(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np, mbstudio as mb\n"
+        "from mbstudio.core.batch import fit_many\n"
+        "from mbstudio.core.units import VoxelSize\n"
+        "grain = mb.Grain(np.ones((9, 8, 7), dtype=bool), VoxelSize(1, 1, 1, 'um'), label=5)\n"
+        "print([(i.label, i.result.avatar.n) for i in fit_many([grain], n=4, workers=1)])\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=240, cwd=tmp_path)
+    assert done.stdout.strip() == "[(5, 4)]", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"n": 0}, "n = 0"), ({"method": "slow"}, "slow"), ({"options": {"speed": 9}}, "speed"), ({"workers": -1}, "-1")],
+)
+def test_what_can_fit_no_grain_is_refused_at_once(
+    grains: list[Grain], changes: dict[str, object], message: str
+) -> None:
+    with pytest.raises(FitError, match=message):
+        fit_many(grains, **{"n": 8, **changes})  # type: ignore[arg-type]
