@@ -162,7 +162,7 @@ def choose_labels(project: Project, wanted: list[int] | None, limit: int | None,
 
 
 def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
-    from mbstudio.core.batch.fit_many import grain_seed
+    from mbstudio.core.batch import grain_seed
 
     # The window fits single grains with the seed itself, a batch with one made of it.
     seeds = (settings.seed, grain_seed(settings.seed, label))
