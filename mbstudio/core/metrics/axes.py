@@ -14,11 +14,11 @@ from mbstudio.core.errors import MeasureError
 
 _STARTS = 1500
 _KEPT = 32
-_KEPT_TO_THE_END = 8
 _TRIALS = 48
 _STAGES = 20
 _SHRINK = 0.65
-_COARSE_STAGES = 5
+_TIERS = {5: (8, False), 11: (3, True)}
+"""From these stages on: how many frames are still followed, and whether all points decide or the hull's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,11 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
     angle = np.radians(12.0)
     touching = few
     for stage in range(_STAGES):
-        if stage == _COARSE_STAGES:
-            frames = frames[np.argsort(volumes, kind="stable")[:_KEPT_TO_THE_END]]
-            touching = _within_reach(finest, frames, angle / (1.0 - _SHRINK))
+        if stage in _TIERS:
+            kept, dense = _TIERS[stage]
+            frames = frames[np.argsort(volumes, kind="stable")[:kept]]
+            reach = angle / (1.0 - _SHRINK)
+            touching = _within_reach(finest if dense else corners, frames, reach)
             volumes = _extents(touching, frames).prod(axis=1)
         touching = _within_reach(touching, frames, angle / (1.0 - _SHRINK))
         step = Rotation.from_rotvec(turns * angle).as_matrix()
