@@ -34,7 +34,10 @@ def surface_mesh(
     for smoothing in _SMOOTHINGS:
         sigma = [smoothing * shortest / edge for edge in voxel_size.zyx]
         mesh = _mesh_of_volume(mask, sigma, voxel_size)
-        whole = mesh.body_count == 1 and mesh.is_watertight
+        if mesh.body_count > 1:  # voxels that hang on by a corner come off as specks
+            mesh = max(mesh.split(only_watertight=False), key=lambda body: body.volume)
+            mesh.units = voxel_size.unit
+        whole = mesh.is_watertight
         if whole and abs(mesh.volume / target - 1) < 0.02:
             break
     assert mesh is not None

@@ -132,6 +132,17 @@ def test_thin_and_tiny_grains_do_not_vanish(shape: tuple[int, int, int]) -> None
     assert mesh.volume == pytest.approx(grain.volume, rel=0.02)
 
 
+def test_a_voxel_that_hangs_on_by_a_corner_makes_no_second_body() -> None:
+    mask = np.zeros((14, 14, 14), bool)
+    mask[1:12, 1:12, 1:12] = True
+    mask[12, 12, 12] = True
+    mesh = Grain.from_mask(mask, "10 um").surface_mesh()
+    assert mesh.is_watertight
+    assert mesh.body_count == 1
+    assert mesh.volume == pytest.approx(1332 * 1000, rel=0.01)
+    assert mesh.units == "um"
+
+
 def test_the_surface_may_be_changed_without_harm() -> None:
     grain = Grain.from_mask(ball(6), "10 um")
     grain.surface_mesh().apply_translation((1e6, 0, 0))
