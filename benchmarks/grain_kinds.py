@@ -85,12 +85,13 @@ def _box(points: np.ndarray, half: np.ndarray) -> np.ndarray:
 
 
 DIFFICULT: dict[str, Implicit] = {
-    "disc": lambda p: _box(np.stack([np.hypot(p[:, 0], p[:, 1]), p[:, 2], 0 * p[:, 2]], 1), np.array([0.8, 0.05, 1])) - 0.03,
+    "disc": lambda p: np.maximum(np.hypot(p[:, 0], p[:, 1]) - 0.8, np.abs(p[:, 2]) - 0.08),
     "plate": lambda p: _box(p, np.array([0.8, 0.55, 0.05])) - 0.03,
     "needle": lambda p: _box(p, np.array([0.85, 0.06, 0.06])) - 0.05,
     "ring": lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.2,
     "horseshoe": lambda p: np.maximum(
-        np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.22, np.minimum(p[:, 0] - 0.2, 0.3 - np.abs(p[:, 1]))
+        np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.22,
+        np.minimum(p[:, 0] - 0.2, 0.3 - np.abs(p[:, 1])),
     ),
     "bowl": lambda p: np.maximum(np.abs(np.linalg.norm(p, axis=1) - 0.7) - 0.12, p[:, 2] - 0.1),
     "dumb-bell": lambda p: _smooth_least(
@@ -102,7 +103,9 @@ DIFFICULT: dict[str, Implicit] = {
 }  # fmt: skip
 
 
-def known_grain(kind: str, name: str, implicit: Implicit, side: int, size: str | VoxelSize = "10 um") -> KnownGrain:
+def known_grain(
+    kind: str, name: str, implicit: Implicit, side: int, size: str | VoxelSize = "10 um"
+) -> KnownGrain:
     """Return voxels and true surface of an implicit body; `side` voxels span the box."""
     from skimage.measure import marching_cubes
 
@@ -129,9 +132,14 @@ def known_grain(kind: str, name: str, implicit: Implicit, side: int, size: str |
     points = (vertices[:, ::-1] - 0.5) * step - 1
     for _ in range(3):
         here = implicit(points)
-        slope = np.stack([(implicit(points + d) - implicit(points - d)) / 2e-4 for d in 1e-4 * np.eye(3)], axis=1)
+        slope = np.stack(
+            [(implicit(points + d) - implicit(points - d)) / 2e-4 for d in 1e-4 * np.eye(3)], axis=1
+        )
         move = -slope * (here / np.maximum((slope**2).sum(axis=1), 1e-6))[:, None]
-        points = points + move * np.minimum(1, 0.5 * step / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
+        points = (
+            points
+            + move * np.minimum(1, 0.5 * step / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
+        )
     low = np.argwhere(mask).min(axis=0)
     high = np.argwhere(mask).max(axis=0) + 1
     voxel = VoxelSize.parse(size)
@@ -141,7 +149,9 @@ def known_grain(kind: str, name: str, implicit: Implicit, side: int, size: str |
     mesh = trimesh.Trimesh(((points + 1) / edge - 0.5) * voxel.xyz, faces, process=False)
     parts = mesh.split(only_watertight=True) if mesh.body_count > 1 else [mesh]
     truth = max(parts, key=lambda part: part.volume)
-    return KnownGrain(kind, name, Grain(mask[box].copy(), voxel, (origin[0], origin[1], origin[2]), name=name), truth)
+    return KnownGrain(
+        kind, name, Grain(mask[box].copy(), voxel, (origin[0], origin[1], origin[2]), name=name), truth
+    )
 
 
 def synthetic(side: int = 200, count: int = 5, seed: int = 2023) -> list[KnownGrain]:
@@ -156,4 +166,9 @@ def synthetic(side: int = 200, count: int = 5, seed: int = 2023) -> list[KnownGr
 
 def difficult(side: int = 120) -> list[KnownGrain]:
     """Return thin, hollowed and pierced shapes."""
-    return [known_grain("difficult", name, implicit, side) for name, implicit in DIFFICULT.items()]
+    # Turned, so that no face lies along the voxels: there a whole layer would be in or out.
+    turn = _turned(np.random.default_rng(1))
+    return [
+        known_grain("difficult", name, lambda p, body=implicit: body(p @ turn), side)
+        for name, implicit in DIFFICULT.items()
+    ]

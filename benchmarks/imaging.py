@@ -27,7 +27,9 @@ from mbstudio.core.imaging import FitResult, fit
 DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
 
 
-def surface_distances(avatar: trimesh.Trimesh, truth: trimesh.Trimesh, points: int = 20_000) -> tuple[float, float]:
+def surface_distances(
+    avatar: trimesh.Trimesh, truth: trimesh.Trimesh, points: int = 20_000
+) -> tuple[float, float]:
     """Return Chamfer and Hausdorff distance of two closed meshes."""
     import pyvista as pv
 
@@ -50,8 +52,9 @@ def score(known: KnownGrain, result: FitResult, seconds: float) -> dict[str, flo
     verdict = result.verdict
     return {
         "dV": 100 * (mesh.volume / truth.volume - 1), "dA": 100 * (mesh.area / truth.area - 1),
-        "chamfer": 100 * chamfer / dn, "hausdorff": 100 * hausdorff / dn, "cpu": seconds, "pieces": verdict.pieces,
-        "voids": verdict.voids, "outside": verdict.points_outside, "valid": verdict.valid,
+        "chamfer": 100 * chamfer / dn, "hausdorff": 100 * hausdorff / dn, "cpu": seconds,
+        "pieces": verdict.pieces, "voids": verdict.voids, "outside": verdict.points_outside,
+        "valid": verdict.valid,
         "genus_wrong": verdict.genus != round(1 - truth.euler_number / 2),
     }  # fmt: skip
 
@@ -63,13 +66,14 @@ def timed_fit(grain: Grain, n: int, **options: object) -> tuple[FitResult, float
 
 
 HEADER = (
-    "| grain | n | abs dV % | dA % | Chamfer | Hausdorff (max) | pieces > 1 | voids | points outside | not valid "
-    "| genus wrong | CPU s |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
+    "| grain | n | abs dV % | dA % | Chamfer | Hausdorff (max) | pieces > 1 | voids "
+    "| points outside | not valid | genus wrong | CPU s |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
 def row(name: str, n: int, scores: list[dict[str, float]]) -> str:
     """Return a table row of medians and counts."""
+
     def middle(key: str) -> float:
         return float(np.median([one[key] for one in scores]))
 
@@ -79,8 +83,9 @@ def row(name: str, n: int, scores: list[dict[str, float]]) -> str:
     dv = float(np.median([abs(one["dV"]) for one in scores]))
     return (
         f"| {name} ({len(scores)}) | {n} | {dv:.3f} | {middle('dA'):+.2f} | {middle('chamfer'):.3f} "
-        f"| {middle('hausdorff'):.2f} ({max(one['hausdorff'] for one in scores):.1f}) | {number('pieces', 1)} "
-        f"| {number('voids', 0)} | {number('outside', 0)} | {sum(not one['valid'] for one in scores)} "
+        f"| {middle('hausdorff'):.2f} ({max(one['hausdorff'] for one in scores):.1f}) "
+        f"| {number('pieces', 1)} | {number('voids', 0)} | {number('outside', 0)} "
+        f"| {sum(not one['valid'] for one in scores)} "
         f"| {number('genus_wrong', 0)} | {middle('cpu'):.2f} |"
     )
 
@@ -104,7 +109,9 @@ def real_meshes(folder: str, resolution: int = 120) -> list[KnownGrain]:
     for path in sorted((DATA / folder).glob("*.ply")):
         mesh = trimesh.load(path)
         if mesh.is_watertight:
-            found.append(KnownGrain(folder, path.stem, Grain.from_mesh(mesh, resolution=resolution, unit="mm"), mesh))
+            found.append(
+                KnownGrain(folder, path.stem, Grain.from_mesh(mesh, resolution=resolution, unit="mm"), mesh)
+            )
     return found
 
 
@@ -121,9 +128,13 @@ def speed() -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("tables", nargs="*", default=["synthetic", "difficult", "real", "speed"])
-    parser.add_argument("--quick", action="store_true", help="two grains of a kind, two numbers of control points")
+    parser.add_argument(
+        "--quick", action="store_true", help="two grains of a kind, two numbers of control points"
+    )
     parser.add_argument("--n", type=int, nargs="*")
     chosen = parser.parse_args()
     numbers = tuple(chosen.n) if chosen.n else (40, 120) if chosen.quick else (10, 20, 40, 80, 120)
@@ -137,7 +148,11 @@ def main() -> None:
     if "real" in chosen.tables:
         for folder in ("aggregates", "cement", "stones"):
             grains = real_meshes(folder)
-            table(f"Real grains: {folder}, 120 voxels across", grains[::6] if chosen.quick else grains, (40, 120))
+            table(
+                f"Real grains: {folder}, 120 voxels across",
+                grains[::6] if chosen.quick else grains,
+                (40, 120),
+            )
     if "speed" in chosen.tables:
         speed()
     if "paper" in chosen.tables:

@@ -74,8 +74,9 @@ def fit_many(
         Which grains; all of them by default. For a sequence of grains: places in it, for those
         without a label.
     n, method, seed : as in :func:`mbstudio.core.imaging.fit`
-        Each grain's own seed follows from `seed` and its label. A grain that cannot hold n
-        control points gets as many as it can (``result.n`` stays n, ``result.avatar.n`` tells).
+        Each grain's own seed follows from `seed` and its label. A grain that holds at
+        least half of n control points, but not n, gets as many as it can (``result.n`` stays n,
+        ``result.avatar.n`` tells); one that holds fewer is an error.
     workers : int, optional
         Processes, each on one core; all usable cores by default. 0 fits in the calling thread.
     options : mapping, optional
@@ -186,8 +187,10 @@ class _Worker:
         paths = os.pathsep.join(path for path in (root, os.environ.get("PYTHONPATH", "")) if path)
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", "from mbstudio.core.batch.worker import serve; serve()"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, **_ONE_THREAD, "PYTHONPATH": paths},
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, **_ONE_THREAD, "PYTHONPATH": paths},
+        )
 
     def fit(self, task: Task) -> tuple[FitResult | None, str | None]:
         send(cast(BinaryIO, self._process.stdin), task)

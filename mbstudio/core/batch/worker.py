@@ -42,8 +42,8 @@ class Task:
         mask = np.asarray(grain.mask).astype(bool)
         shape = (mask.shape[0], mask.shape[1], mask.shape[2])
         return cls(
-            np.packbits(mask).tobytes(), shape, grain.voxel_size, grain.origin, grain.label, grain.touches_border,
-            grain.name, n, method, seed, options,
+            np.packbits(mask).tobytes(), shape, grain.voxel_size, grain.origin, grain.label,
+            grain.touches_border, grain.name, n, method, seed, options,
         )  # fmt: skip
 
     def grain(self) -> Grain:
@@ -83,7 +83,8 @@ def run_task(
 ) -> tuple[FitResult | None, str | None]:
     """Fit one grain; return the result, or what went wrong: one bad grain must not end a batch.
 
-    A grain too small for n control points gets as many as it can hold.
+    A grain that holds at least half of n control points, but not n, gets as many as it can hold:
+    a scan always has fragments among its grains.
     """
     from mbstudio.core.imaging import fit
     from mbstudio.core.imaging.run import TooManyControlPoints
@@ -92,6 +93,8 @@ def run_task(
         try:
             return fit(grain, n, method, seed, **options), None  # type: ignore[arg-type]
         except TooManyControlPoints as error:
+            if 2 * error.most < n:
+                raise
             result = fit(grain, error.most, method, seed, **options)  # type: ignore[arg-type]
             return replace(result, n=n), None
     except MbstudioError as error:

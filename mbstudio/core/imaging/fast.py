@@ -103,11 +103,14 @@ class FastFit(StepRun):
         self._refinement, self.control, self._found = search, search.control, None
 
     def _change_number(self, n: int) -> None:
-        assert self._refinement is not None and self.control is not None and self.prepared is not None
+        assert self._refinement is not None
+        assert self.control is not None
+        assert self.prepared is not None
         self._begin(with_number(self.control, n, self.prepared), self.options.refine)
 
     def _judge(self) -> Verdict:
-        assert self.prepared is not None and self.control is not None
+        assert self.prepared is not None
+        assert self.control is not None
         return check(
             self.prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
             outside=lies_outside(self.control, self.prepared),

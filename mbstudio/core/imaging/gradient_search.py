@@ -88,7 +88,7 @@ class PaperOptions:
         for name, values in allowed.items():
             if getattr(self, name) not in values:
                 raise FitError(
-                    f"{name} = {getattr(self, name)!r} is not a choice of method 'paper': use one of {values}."
+                    f"{name} = {getattr(self, name)!r} is no choice of method 'paper': use one of {values}."
                 )
         if self.generations < 1 or self.learning_rate <= 0 or not 0 <= self.adam_share <= 1:
             raise FitError(
@@ -200,18 +200,21 @@ class PaperFit(StepRun):
         )
 
     def _change_number(self, n: int) -> None:
-        assert self.prepared is not None and self.control is not None
+        assert self.prepared is not None
+        assert self.control is not None
         self.control = with_number(self.control, n, self.prepared)
 
     def _rms_now(self) -> float:
-        assert self.prepared is not None and self.control is not None
+        assert self.prepared is not None
+        assert self.control is not None
         points = self.prepared.hull[:: max(1, len(self.prepared.hull) // 3000)]
         field, gradient = field_and_gradient_at(points, self.control)
         steepness = np.clip(np.linalg.norm(gradient, axis=1) / field, 0.7, 6.0)
         return float(np.sqrt(np.mean(np.square(2 * (1 - field**-0.5) / steepness))))
 
     def _search(self, generations: int) -> Iterator[SearchStep]:
-        assert self.prepared is not None and self.control is not None
+        assert self.prepared is not None
+        assert self.control is not None
         options, hull = self.options, self.prepared.hull
         adam = Adam(options.learning_rate, options.beta1, options.beta2, options.epsilon)
         descent = GradientDescent(options.learning_rate, options.momentum)
@@ -240,7 +243,8 @@ class PaperFit(StepRun):
             )
             if not sound:
                 raise FitError(
-                    f"The paper's search diverged at generation {self.generation + 1} on grain '{self.grain.name}': "
+                    f"The paper's search diverged at generation {self.generation + 1} "
+                    f"on grain '{self.grain.name}': "
                     f"take a smaller learning_rate than {options.learning_rate:g}."
                 )
             self.control = moved

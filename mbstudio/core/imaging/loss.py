@@ -45,6 +45,6 @@ def point_loss(field: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
 
 
 def point_loss_slope(field: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
-    """Return the derivative of Eq. GSloss by f at each hull point (at f = 1 and 2 that of the middle branch)."""
+    """Return the derivative of Eq. GSloss by f at each hull point (at 1 and 2: the middle branch)."""
     f = np.asarray(field, dtype=np.float64)
     return np.where(f > 2, 2 * (f - 1), np.where(f >= 1, 1.0, 2 * (f - 1) - 1 / np.minimum(f, 1) ** 2))

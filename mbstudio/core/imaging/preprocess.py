@@ -205,8 +205,10 @@ def prepare(
     first = np.asarray(grain.origin) + (np.array(blocks[::-1]) - 1) / 2 * grain.voxel_size.xyz - PAD * spacing
     voxels = grain.voxel_count + filled * int(np.prod(blocks))
     return PreparedGrain(
-        grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale, spacing=spacing / scale,
-        voxel=voxel / scale, hull=(hull - middle) / scale, interior=(where - middle) / scale,
+        grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
+        spacing=spacing / scale, voxel=voxel / scale, hull=(hull - middle) / scale,
+        interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
-        volume=voxels * grain.voxel_size.volume / scale**3, center=first + middle, scale=scale, filled=int(filled),
+        volume=voxels * grain.voxel_size.volume / scale**3, center=first + middle, scale=scale,
+        filled=int(filled),
     )  # fmt: skip

@@ -110,7 +110,8 @@ class Refinement:
         self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
         self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)
         self._interior_weight = np.full(
-            len(self._interior_target), self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
+            len(self._interior_target),
+            self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
             dtype=np.float32,
         )  # fmt: skip
         self._offset = 0
@@ -253,7 +254,7 @@ class Refinement:
         return depth, slope
 
     def _push(self, control: np.ndarray, least: np.ndarray, fallback: np.ndarray) -> None:
-        """Move control points shallower than `least` inward, in place; back to `fallback` where that fails."""
+        """Move control points shallower than `least` inward, in place; where that fails, to `fallback`."""
         for _ in range(3):
             depth, slope = self._depth(control[:3])
             low = depth < least
@@ -265,10 +266,12 @@ class Refinement:
         control[:3, stuck] = fallback[:3, stuck]
 
     def settle(self) -> None:
-        """Bring the control points of a start to where the search allows them, as far as the shape has such places."""
+        """Bring the control points of a start to where the search allows them, as far as the shape lets."""
         prepared, start = self.prepared, self.control.copy()
         self._push(self.control, np.full(self.control.shape[1], self.hard_depth), start)
-        outside = np.flatnonzero(self._depth(self.control[:3])[0] < 0.25 * min(prepared.voxel, prepared.deepest))
+        outside = np.flatnonzero(
+            self._depth(self.control[:3])[0] < 0.25 * min(prepared.voxel, prepared.deepest)
+        )
         if len(outside):
             deep = np.argwhere(prepared.distance >= min(0.45 * prepared.voxel, prepared.deepest))
             places = deep[:, ::-1] * prepared.spacing + prepared.origin

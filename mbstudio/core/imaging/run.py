@@ -20,7 +20,9 @@ def greatest_number(grain: Grain) -> int:
     """Return how many control points sphere clustering can place in a grain."""
     prepared = prepare(grain)
     transform = prepared.distance + np.float32(0.5 * prepared.voxel)
-    return sum(1 for _ in cluster_incrementally(transform, prepared.spacing, grain.voxel_count, prepared.voxel))
+    return sum(
+        1 for _ in cluster_incrementally(transform, prepared.spacing, grain.voxel_count, prepared.voxel)
+    )
 
 
 def checked_number(n: int, grain: Grain) -> int:
@@ -126,9 +128,14 @@ class StepRun:
         if self._verdict is None:
             self._verdict = self._judge()
         return FitResult(
-            avatar=self.prepared.avatar(self.control), history=np.array(self._losses), rms_history=np.array(self._rms),
-            verdict=self._verdict, method=self.method, n=self.n, seed=self.seed,
-        )  # fmt: skip
+            avatar=self.prepared.avatar(self.control),
+            history=np.array(self._losses),
+            rms_history=np.array(self._rms),
+            verdict=self._verdict,
+            method=self.method,
+            n=self.n,
+            seed=self.seed,
+        )
 
     # What a method brings along.
     _default_generations: int
@@ -155,7 +162,8 @@ class StepRun:
         from mbstudio.core.imaging.guard import lies_outside
         from mbstudio.core.metaball.validity import check
 
-        assert self.prepared is not None and self.control is not None
+        assert self.prepared is not None
+        assert self.control is not None
         return check(
             self.prepared.avatar(self.control), self.grain, rms=self._rms[-1],
             outside=lies_outside(self.control, self.prepared),
@@ -186,7 +194,8 @@ class StepRun:
 
     def _record(self, loss: float, rms: float, generations: int, note: str = "") -> SearchStep:
         """Take down one generation of the search and return its step; `rms` in working lengths."""
-        assert self.prepared is not None and self.control is not None
+        assert self.prepared is not None
+        assert self.control is not None
         prepared, control = self.prepared, self.control.copy()
         self.generation += 1
         self._verdict = None

@@ -105,7 +105,7 @@ class Avatar:
         return self.field(points) >= 1.0
 
     def bounds(self) -> Float64[np.ndarray, "2 3"]:
-        """Return a box (lowest and highest corner, in `unit`) that surely holds the solid, with little to spare."""
+        """Return a box (lowest, highest corner, in `unit`) that surely holds the solid, and little more."""
         from mbstudio.core.metaball.field import solid_bounds
 
         return solid_bounds(self.control)

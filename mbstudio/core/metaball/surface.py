@@ -77,7 +77,7 @@ def _quadrature(u, origin, spacing, control):  # pragma: no cover - compiled
 def sample_solid(
     control: Float64[np.ndarray, "4 n"], cells: int, bounds: Float64[np.ndarray, "2 3"] | None = None
 ) -> tuple[np.ndarray, Float64[np.ndarray, "3"], float]:
-    """Return f on a grid of cubes that encloses the solid by two cells: field [z, y, x], first node, spacing."""
+    """Return f on a grid of cubes about the solid, two cells wider: field [z, y, x], first node, spacing."""
     low, high = solid_bounds(control) if bounds is None else bounds
     spacing = float((high - low).max()) / cells
     counts = np.ceil((high - low) / spacing).astype(int) + 5

@@ -96,7 +96,7 @@ def _lowest_between(control, a, b, samples):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def nearest_link(control, piece, samples):  # pragma: no cover - compiled
-    """Return the control points of different pieces that are nearest to joined, and the lowest f between them."""
+    """Return the two control points of different pieces nearest to joined, and the lowest f between."""
     best, at_a, at_b = -1.0, -1, -1
     for a in range(control.shape[1]):
         for b in range(a):
@@ -208,6 +208,7 @@ def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int =
     order = roots[np.argsort(-nodes[roots], kind="stable")]
     number = {int(root): index for index, root in enumerate(order)}
     return Topology(
-        pieces=len(roots), voids=voids, genus=genus, piece_of_point=np.array([number[int(root)] for root in parent]),
+        pieces=len(roots), voids=voids, genus=genus,
+        piece_of_point=np.array([number[int(root)] for root in parent]),
         volumes=nodes[order] * spacing**3, cells=cells,
     )  # fmt: skip

@@ -71,7 +71,7 @@ def check(
         counted = points_outside(avatar, grain) if outside is None else outside
     cure = f"n too small for this shape: try {2 * avatar.n}"
     if grain is not None and grain.voxel_count < 20 * avatar.n:
-        cure = f"its {grain.voxel_count} voxels are too few for a truer avatar: take a finer scan or leave it out"
+        cure = f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
     reasons = []
     if found.pieces > 1:
         reasons.append(f"The avatar falls into {found.pieces} pieces: {cure}.")
@@ -82,15 +82,11 @@ def check(
         points = "1 control point lies" if counted == 1 else f"{counted} control points lie"
         reasons.append(f"{points} outside the grain: fit it anew with method 'fast'.")
     if abs(volume_error) > MOST_VOLUME_ERROR:
-        reasons.append(
-            f"The volume differs by {100 * volume_error:+.1f} %: {cure}."
-        )
+        reasons.append(f"The volume differs by {100 * volume_error:+.1f} %: {cure}.")
     if grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(
         grain.unit, avatar.unit
     ):
-        reasons.append(
-            f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}."
-        )
+        reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}.")
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),

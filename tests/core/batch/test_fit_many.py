@@ -16,6 +16,7 @@ from mbstudio.core.batch.crew import grain_seed
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain, GrainSet
 from mbstudio.core.imaging import fit
+from mbstudio.core.imaging.run import TooManyControlPoints
 from mbstudio.core.units import VoxelSize
 
 VOXEL = VoxelSize(1, 1, 1, "um")
@@ -70,12 +71,16 @@ def test_one_bad_grain_does_not_end_the_batch(grains: list[Grain]) -> None:
 
 
 def test_a_grain_too_small_for_n_gets_what_it_can_hold(grains: list[Grain]) -> None:
-    tiny = ball(2.2, label=1)
-    items = by_label(fit_many([tiny, grains[0]], n=60, workers=0))
+    tiny = ball(3.2, label=1)
+    with pytest.raises(TooManyControlPoints) as caught:
+        fit(tiny, tiny.voxel_count)
+    most = caught.value.most
+    items = by_label(fit_many([tiny, grains[1]], n=most + 3, workers=0))
     assert items[1].error is None
-    assert items[1].result.n == 60
-    assert 1 <= items[1].result.avatar.n < 60
-    assert items[3].result.avatar.n == 60
+    assert items[1].result.n == most + 3
+    assert 1 <= items[1].result.avatar.n <= most
+    assert items[13].result.avatar.n == most + 3
+    assert "or fewer" in by_label(fit_many([tiny], n=3 * most, workers=0))[1].error
 
 
 def test_a_label_that_does_not_exist_is_an_item_with_an_error(grains: list[Grain]) -> None:
@@ -92,8 +97,8 @@ def test_grain_sets_are_cut_up_by_label() -> None:
     z, y, x = body.shape
     table = pd.DataFrame(
         [
-            {"label": label, "voxels": int(body.sum()), "z0": 1, "z1": 1 + z, "y0": 1, "y1": 1 + y, "x0": x0, "x1": x0 + x,
-             "touches_border": False}
+            {"label": label, "voxels": int(body.sum()), "z0": 1, "z1": 1 + z, "y0": 1, "y1": 1 + y,
+             "x0": x0, "x1": x0 + x, "touches_border": False}
             for label, x0 in ((4, 1), (9, 22))
         ]
     )  # fmt: skip
@@ -154,13 +159,20 @@ def test_works_from_a_bare_script_without_a_main_guard(tmp_path: Path) -> None:
         "grain = mb.Grain(np.ones((9, 8, 7), dtype=bool), VoxelSize(1, 1, 1, 'um'), label=5)\n"
         "print([(i.label, i.result.avatar.n) for i in fit_many([grain], n=4, workers=1)])\n"
     )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=240, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=240, cwd=tmp_path
+    )
     assert done.stdout.strip() == "[(5, 4)]", done.stderr
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [({"n": 0}, "n = 0"), ({"method": "slow"}, "slow"), ({"options": {"speed": 9}}, "speed"), ({"workers": -1}, "-1")],
+    [
+        ({"n": 0}, "n = 0"),
+        ({"method": "slow"}, "slow"),
+        ({"options": {"speed": 9}}, "speed"),
+        ({"workers": -1}, "-1"),
+    ],
 )
 def test_what_can_fit_no_grain_is_refused_at_once(
     grains: list[Grain], changes: dict[str, object], message: str

@@ -13,7 +13,7 @@ Inside = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def grain_where(inside: Inside, half: float, voxel: VoxelSize, **details: object) -> Grain:
-    """Return the grain of all voxels within `half` of the origin whose centres are inside; origin at the centre."""
+    """Return the grain of all voxels within `half` of the origin whose centres are inside."""
     counts = [int(np.floor(half / edge)) for edge in voxel.zyx]
     z, y, x = (np.arange(-c, c + 1) * edge for c, edge in zip(counts, voxel.zyx, strict=True))
     mask = inside(x[None, None, :], y[None, :, None], z[:, None, None])

@@ -137,7 +137,9 @@ def test_anisotropic_voxels_give_the_same_shape() -> None:
     assert flat.verdict.valid
 
 
-def test_a_grain_moved_and_in_other_units_gives_the_avatar_moved_and_in_them(ellipsoid_grain: Grain, egg) -> None:
+def test_a_grain_moved_and_in_other_units_gives_the_avatar_moved_and_in_them(
+    ellipsoid_grain: Grain, egg
+) -> None:
     far = Grain(ellipsoid_grain.mask, VoxelSize(0.5, 0.5, 0.5, "mm"), (100.0, -50.0, 7.0))
     moved = fit(far, 20)
     expected = (egg.avatar.centers - ellipsoid_grain.origin) * 0.5 + far.origin
@@ -201,7 +203,7 @@ def test_grains_of_a_few_voxels_are_fitted_or_refused(shape: tuple[int, int, int
 def test_unknown_methods_and_options_are_named(ellipsoid_grain: Grain) -> None:
     with pytest.raises(FitError, match="'slow'"):
         start_fit(ellipsoid_grain, 10, "slow")  # type: ignore[arg-type]
-    with pytest.raises(FitError, match="'generation'.*generations"):
+    with pytest.raises(FitError, match=r"'generation'.*generations"):
         start_fit(ellipsoid_grain, 10, generation=5)
 
 

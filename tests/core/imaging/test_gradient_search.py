@@ -24,7 +24,7 @@ def test_start_is_k_of_the_squared_radius_or_the_radius(ellipsoid_grain: Grain) 
     assert plain[3, 0] == pytest.approx(4 * prepared.voxel)
     # Alone, k = r**2 is a sphere of that radius about that voxel.
     place = np.array([26, 21, 18]) * prepared.spacing + prepared.origin
-    assert field_at((place + [4 * prepared.voxel, 0, 0])[None], square)[0] == pytest.approx(1)
+    assert field_at((place + np.array([4 * prepared.voxel, 0, 0]))[None], square)[0] == pytest.approx(1)
 
 
 def test_common_factor_makes_the_mean_of_ln_f_vanish(ellipsoid_grain: Grain) -> None:
@@ -110,12 +110,13 @@ def test_literal_variant_with_k_stays_positive(ellipsoid_grain: Grain) -> None:
 
 
 def test_divergence_is_an_error_not_an_avatar(ellipsoid_grain: Grain) -> None:
-    with pytest.raises(FitError, match="diverged.*learning_rate"):
+    with pytest.raises(FitError, match=r"diverged.*learning_rate"):
         fit(ellipsoid_grain, 6, "paper", generations=200, hull_points=2000, reduction="sum", adam_share=0.0)
 
 
 @pytest.mark.parametrize(
-    "options", [{"weight": "cube"}, {"parameter": "x"}, {"learning_rate": 0.0}, {"generations": 0}, {"adam_share": 2.0}]
+    "options",
+    [{"weight": "cube"}, {"parameter": "x"}, {"learning_rate": 0.0}, {"generations": 0}, {"adam_share": 2.0}],
 )
 def test_impossible_options_are_refused(ellipsoid_grain: Grain, options: dict[str, object]) -> None:
     with pytest.raises(FitError):

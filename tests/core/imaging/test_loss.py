@@ -58,5 +58,7 @@ def test_gradient_by_the_control_points_agrees_with_finite_differences() -> None
     for index in np.ndindex(control.shape):
         step = np.zeros_like(control)
         step[index] = 1e-6
-        numeric[index] = (loss_and_gradient(hull, control + step)[0] - loss_and_gradient(hull, control - step)[0]) / 2e-6
+        numeric[index] = (
+            loss_and_gradient(hull, control + step)[0] - loss_and_gradient(hull, control - step)[0]
+        ) / 2e-6
     np.testing.assert_allclose(gradient, numeric, rtol=1e-4, atol=1e-6)

@@ -16,7 +16,9 @@ def in_grain(prepared, points: np.ndarray) -> np.ndarray:
     return points * prepared.scale + prepared.center
 
 
-@pytest.mark.parametrize("voxel", [VoxelSize(1, 1, 1, "um"), VoxelSize(2, 1, 1, "um"), VoxelSize(1, 1.5, 0.75, "um")])
+@pytest.mark.parametrize(
+    "voxel", [VoxelSize(1, 1, 1, "um"), VoxelSize(2, 1, 1, "um"), VoxelSize(1, 1.5, 0.75, "um")]
+)
 def test_hull_points_lie_on_the_sphere_they_come_from(voxel: VoxelSize) -> None:
     prepared = prepare(grain_where(ellipsoid(16, 16, 16), 18, voxel))
     radius = np.linalg.norm(in_grain(prepared, prepared.hull) - CENTER, axis=1)

@@ -53,7 +53,12 @@ def test_inside_is_where_the_field_reaches_one() -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 5, 40])
 def test_grid_agrees_with_points(n: int) -> None:
-    avatar, shape, origin, spacing = some_avatar(n), (5, 6, 7), np.array([-2.0, -1.5, -1.0]), np.array([0.5, 0.4, 0.3])
+    avatar, shape, origin, spacing = (
+        some_avatar(n),
+        (5, 6, 7),
+        np.array([-2.0, -1.5, -1.0]),
+        np.array([0.5, 0.4, 0.3]),
+    )
     field = field_on_grid(origin, spacing, shape, avatar.control)
     index = np.stack(np.meshgrid(*[np.arange(s) for s in shape], indexing="ij"), axis=-1).reshape(-1, 3)
     np.testing.assert_allclose(field.ravel(), avatar.field(index[:, ::-1] * spacing + origin), rtol=3e-5)

@@ -44,7 +44,9 @@ def test_two_spheres_join_at_the_right_distance(distance: float, pieces: int) ->
 
 
 def test_pieces_of_points_are_told_apart_largest_first() -> None:
-    found = topology(Avatar([[0, 0, 0], [0, 10, 0], [10, 0, 0], [10.5, 0, 0]], [1, 0.2, 2, 2.0], "mm").control)
+    found = topology(
+        Avatar([[0, 0, 0], [0, 10, 0], [10, 0, 0], [10.5, 0, 0]], [1, 0.2, 2, 2.0], "mm").control
+    )
     assert found.pieces == 3
     assert found.piece_of_point.tolist() == [1, 2, 0, 0]
     assert (np.diff(found.volumes) < 0).all()
@@ -76,7 +78,7 @@ def test_points_on_a_ring_make_one_handle() -> None:
 
 
 def test_two_rings_make_two_handles() -> None:
-    centers = np.vstack([on_a_ring(), on_a_ring() + [2.0, 0, 0]])
+    centers = np.vstack([on_a_ring(), on_a_ring() + np.array([2.0, 0, 0])])
     found = topology(Avatar(centers, np.full(60, 0.006), "mm").control)
     assert (found.pieces, found.genus) == (1, 2)
 
