@@ -12,7 +12,8 @@ import pyvista as pv
 from jaxtyping import UInt8
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.scene.scene import Scene
+from mbstudio.scene.figures import convergence_figure, slices_figure
+from mbstudio.scene.scene import Layer, Scene
 from mbstudio.scene.surfaces import (
     avatar_surface,
     avatars_surface,
@@ -62,38 +63,54 @@ def render_tour(project: Project, folder: Path) -> list[Path]:
         avatars = project.avatars
         drawn.append(("avatars", lambda scene: scene.set_avatars(avatars_surface(avatars), avatars[0].unit)))
     written = [_save(folder / f"{name}.png", _render(draw)) for name, draw in drawn]
+    if scan is not None:
+        outlined = grains if grains is not None and grains.labels.shape == scan.shape else None
+        written.append(_save(folder / "slices.png", slices_figure(scan, outlined)))
+    if project.fits:
+        written.append(_save(folder / "convergence.png", convergence_figure(project.fits)))
     if project.fits and grains is not None:
-        written.append(_save(folder / "grain_and_avatar.png", render_pair(project, typical_label(project))))
+        rows = [render_grain_and_avatar(project, label) for label in telling_labels(project)]
+        written.append(_save(folder / "grain_and_avatar.png", np.concatenate(rows)))
     return written
 
 
-def typical_label(project: Project) -> int:
-    """Return the fitted grain whose avatar is about as true, for its size, as half of them are."""
+def telling_labels(project: Project, most: int = 3) -> list[int]:
+    """Return fitted grains whose avatars are the truest for their size, the typical, and the least true."""
     assert project.grains is not None
     diameters = {label: project.grains.grain(label).nominal_diameter for label in project.fits}
     by_rms = sorted(project.fits, key=lambda label: project.fits[label].verdict.rms / diameters[label])
-    return by_rms[len(by_rms) // 2]
+    places = np.unique(np.linspace(0, len(by_rms) - 1, min(most, len(by_rms))).round().astype(int))
+    return [by_rms[place] for place in places]
 
 
-def render_pair(project: Project, label: int) -> UInt8[np.ndarray, "h w 3"]:
-    """Return a grain, and beside it its avatar with the control points shining through."""
+def render_grain_and_avatar(
+    project: Project, label: int, size: tuple[int, int] = (640, 560)
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a grain, its avatar with the control points shining through, and both, from one camera."""
     assert project.grains is not None
     grain, avatar = project.grains.grain(label), project.fits[label].avatar
-
-    def draw_grain(scene: Scene) -> None:
+    plotter = pv.Plotter(off_screen=True, window_size=list(size))
+    shown: list[tuple[set[Layer], dict[Layer, float]]] = [
+        ({"grain"}, {"grain": 1.0}),
+        ({"avatar", "points"}, {"avatar": 0.5}),
+        ({"grain", "avatar"}, {"grain": 0.45, "avatar": 1.0}),
+    ]
+    images = []
+    try:
+        scene = Scene(plotter)
         scene.set_grain(grain_surface(grain), grain.unit)
-        scene.set_opacity("grain", 1.0)
-
-    def draw_avatar(scene: Scene) -> None:
         scene.set_avatar(avatar_surface(avatar), avatar.unit)
         scene.set_points(control_points(avatar))
-        scene.set_opacity("avatar", 0.5)
-
-    half = (SIZE[0] // 2, SIZE[1])
-    pair = [_render(draw, half) for draw in (draw_grain, draw_avatar)]
-    for image, name in zip(pair, ("grain", "avatar"), strict=True):
-        require_picture(image, name)
-    return np.concatenate(pair, axis=1)
+        scene.look_from("isometric")
+        for layers, opacities in shown:
+            scene.show_layers(layers)
+            for layer, opacity in opacities.items():
+                scene.set_opacity(layer, opacity)
+            images.append(scene.screenshot())
+            require_picture(images[-1], f"grain {label}")
+    finally:
+        plotter.close()
+    return np.concatenate(images, axis=1)
 
 
 def _render(draw: Callable[[Scene], None], size: tuple[int, int] = SIZE) -> UInt8[np.ndarray, "h w 3"]:

@@ -7,7 +7,7 @@ Nothing here knows Qt; everything here must run in the thread that owns the plot
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 import pyvista as pv
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Layer = Literal["slices", "volume", "grains", "avatars", "grain", "avatar", "points"]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
+LABELLED: tuple[Layer, ...] = ("grains", "avatars")
 
 __all__ = ["LAYERS", "VIEWS", "Layer", "Scene", "View"]
 
@@ -44,7 +45,8 @@ class Scene:
     """
 
     def __init__(self, plotter: pv.BasePlotter, theme: SceneTheme = LIGHT, unit: str = "um") -> None:
-        self.plotter = plotter
+        # pyvista's wrappers hide the methods' types.
+        self.plotter: Any = cast(Any, plotter)
         self.theme = theme
         self.unit = unit
         self.slices: SlicePlanes | None = None
@@ -54,13 +56,13 @@ class Scene:
         self._opacity: dict[Layer, float] = {"grain": 0.45, "avatar": 1.0, "points": 1.0}
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
-        self._renderer = plotter.renderer
+        self._renderer: Any = plotter.renderer
         plotter.renderer.camera.SetParallelProjection(True)
         # Else the first rendering turns the camera to pyvista's own preset.
         plotter.renderer.camera_set = True
         self._bar = ScaleBar(plotter, unit, theme.ink)
         self._bar.set_visible(False)
-        plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
+        self.plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
         self.set_theme(theme)
 
     # ---- what is shown ------------------------------------------------------------------
@@ -128,11 +130,11 @@ class Scene:
     def select(self, label: int | None) -> None:
         """Bring out one grain of the overview: the others lose their colour."""
         self.selected = label
-        for layer in ("grains", "avatars"):
+        for layer in LABELLED:
             self._colour_labels(layer)
         if "grains" in self._actors:
             # The chosen grain may lie deep inside: the others turn to glass around its own surface.
-            self._actors["grains"].prop.opacity = 1.0 if label is None else 0.22
+            self._actors["grains"].prop.opacity = 1.0 if label is None else 0.28
 
     def clear(self) -> None:
         """Take everything away."""
@@ -179,7 +181,7 @@ class Scene:
         for layer, colour in (("grain", theme.grain), ("avatar", theme.avatar), ("points", theme.points)):
             if layer in self._actors:
                 self._actors[layer].prop.color = colour
-        for layer in ("grains", "avatars"):
+        for layer in LABELLED:
             self._colour_labels(layer)
         self._colour_axes()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import pyvista as pv
@@ -68,7 +68,7 @@ def slice_image(
         Colour of each label; by default :func:`label_colours`.
     """
     low, high = window
-    scale = 255.0 / max(high - low, np.finfo(np.float32).tiny)
+    scale = 255.0 / max(high - low, 1e-30)
     shown = np.nan_to_num((np.asarray(grey, dtype=np.float32) - low) * scale, nan=0.0)
     image = np.repeat(np.clip(shown, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
     if labels is not None and labels.any():
@@ -97,7 +97,8 @@ class SlicePlanes:
     """
 
     def __init__(self, plotter: pv.BasePlotter, scan: Scan, axis_colours: tuple[str, str, str]) -> None:
-        self._plotter = plotter
+        # pyvista's wrappers hide the methods' types.
+        self._plotter: Any = cast(Any, plotter)
         self._scan = scan
         self.window = grey_window(scan)
         nz, ny, nx = scan.shape
@@ -118,9 +119,9 @@ class SlicePlanes:
             plane.GetProperty().SetColorLevel(127.5)
             plane.GetProperty().SetInterpolationTypeToNearest()
             plane.PickableOff()
-            plotter.add_actor(plane, name=f"slice {axis}", reset_camera=False, render=False)
+            self._plotter.add_actor(plane, name=f"slice {axis}", reset_camera=False, render=False)
             self._planes[axis] = plane
-            self._frames[axis] = plotter.add_mesh(
+            self._frames[axis] = self._plotter.add_mesh(
                 pv.PolyData(np.zeros((1, 3), np.float32)),
                 color=colour,
                 line_width=2,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyvista as pv
@@ -43,9 +43,7 @@ def volume_voxels(scan: Scan, longest: int = 256) -> VolumeVoxels:
     return VolumeVoxels(grey, (x, y, z), scan.origin)
 
 
-def add_volume(
-    plotter: pv.BasePlotter, voxels: VolumeVoxels, window: tuple[float, float], name: str
-) -> pv.plotting.volume.Volume:
+def add_volume(plotter: pv.BasePlotter, voxels: VolumeVoxels, window: tuple[float, float], name: str) -> Any:
     """Add a scan as a cloud: clear below the middle of the window, dense at its top."""
     image = pv.ImageData(dimensions=voxels.grey.shape[::-1], spacing=voxels.spacing, origin=voxels.origin)
     image.point_data["grey"] = voxels.grey.ravel()

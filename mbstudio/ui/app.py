@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from platformdirs import user_log_path
 from PySide6.QtCore import QSettings, Qt, QTimer
@@ -17,8 +19,11 @@ from mbstudio import __version__
 from mbstudio.core.errors import MbstudioError
 from mbstudio.ui.icons import application_icon
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.message_bar import Level
 
 log = logging.getLogger(__name__)
+
+Hook = Callable[[type[BaseException], BaseException, TracebackType | None], Any]
 
 
 def make_application() -> QApplication:
@@ -73,11 +78,11 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
 
     def begin() -> None:
         if project_path is not None:
-            window.open_path(Path(project_path))
+            window.files.open_path(Path(project_path))
         elif scan is not None:
-            window.open_path(Path(scan))
+            window.files.open_path(Path(scan))
         elif sample:
-            window.open_sample()
+            window.files.open_sample()
 
     QTimer.singleShot(0, begin)
     try:
@@ -86,19 +91,19 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
         sys.excepthook = before
 
 
-def _message_of(say: object, before: object) -> object:
+def _message_of(say: Callable[[Level, str], None], before: Hook) -> Hook:
     """Return an excepthook that shows an error in the message bar and writes it to the log."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if issubclass(kind, KeyboardInterrupt):
-            before(kind, error, trace)  # type: ignore[operator]
+            before(kind, error, trace)
             return
         if isinstance(error, MbstudioError):
             text = str(error)
         else:
             log.error("Unexpected error", exc_info=(kind, error, trace))
-            text = f"Something went wrong in mbstudio ({kind.__name__}: {error}). The log has the details: {log_file()}"
-        say("error", text)  # type: ignore[operator]
+            text = f"Something went wrong in mbstudio ({kind.__name__}: {error}). Details: {log_file()}"
+        say("error", text)
 
     return hook
 

@@ -4,52 +4,31 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
 
-from PySide6.QtCore import QSettings, QSize, Qt
+from PySide6.QtCore import QSettings, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
-    QDockWidget,
-    QFileDialog,
-    QFrame,
-    QHBoxLayout,
     QLabel,
-    QMainWindow,
-    QMenu,
-    QMessageBox,
-    QStackedWidget,
-    QToolBar,
-    QToolButton,
-    QVBoxLayout,
-    QWidget,
 )
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
-from mbstudio.ui.panels.export_panel import ExportPanel
-from mbstudio.ui.panels.fit_panel import FitPanel
-from mbstudio.ui.panels.grain_panel import GrainPanel
-from mbstudio.ui.panels.scan_panel import ScanPanel
-from mbstudio.ui.theme import Choice, Theme
+from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_link import STATION_LAYERS, ViewLink
 from mbstudio.ui.viewport import make_viewport
 from mbstudio.ui.widgets.command_palette import CommandPalette
-from mbstudio.ui.widgets.forms import label
-from mbstudio.ui.widgets.grain_table import GrainTable
 from mbstudio.ui.widgets.message_bar import MessageBar
-from mbstudio.ui.widgets.plots import ConvergenceCurve
-from mbstudio.ui.widgets.rail import Rail
-from mbstudio.ui.widgets.scan_dialog import ScanDialog
 from mbstudio.ui.widgets.task_strip import TaskStrip
-from mbstudio.ui.widgets.welcome import Welcome
-from mbstudio.ui.window_commands import MENUS, STATIONS, window_commands
+from mbstudio.ui.window_commands import window_commands
+from mbstudio.ui.window_layout import WindowLayout
 from mbstudio.ui.work.export_work import ExportWork
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.grain_work import GrainWork
 from mbstudio.ui.work.project_work import ProjectWork
-from mbstudio.ui.work.scan_work import SCAN_SUFFIXES, ScanWork
+from mbstudio.ui.work.scan_work import ScanWork
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
@@ -58,7 +37,7 @@ log = logging.getLogger(__name__)
 PROJECT_FILTER = "MetaBall Studio project (*.mbs)"
 
 
-class MainWindow(QMainWindow):
+class MainWindow(WindowLayout):
     """Everything that the person sees.
 
     Attributes
@@ -82,6 +61,7 @@ class MainWindow(QMainWindow):
         self.messages = MessageBar(self.icons)
         self.viewport = make_viewport()
         self.link = ViewLink(self.workspace, self.fits, self.queue, self.viewport, theme, self)
+        self.files = FileActions(self)
         self.station = "scan"
         self._whole_fit: Task | None = None
         self._closing = False
@@ -108,119 +88,6 @@ class MainWindow(QMainWindow):
 
     # ---- making it -----------------------------------------------------------------------------
 
-    def _make_panels(self) -> None:
-        self.panels_scan = ScanPanel(self.workspace, self.theme)
-        self.panels_grains = GrainPanel(self.workspace, self.theme)
-        self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
-        self.panels_export = ExportPanel(self.workspace)
-        self.panels = {
-            "scan": self.panels_scan,
-            "grains": self.panels_grains,
-            "fit": self.panels_fit,
-            "export": self.panels_export,
-        }
-        self.rail = Rail(list(STATIONS), self.icons)
-        self._stack = QStackedWidget()
-        for panel in self.panels.values():
-            self._stack.addWidget(panel)
-        side = QWidget()
-        layout = QHBoxLayout(side)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addWidget(self.rail)
-        layout.addWidget(self._stack)
-        self.side_dock = self._dock("side", "Stations", side, Qt.DockWidgetArea.LeftDockWidgetArea)
-        self.side_dock.setTitleBarWidget(QWidget())
-        self.side_dock.setFeatures(QDockWidget.DockWidgetFeature.NoDockWidgetFeatures)
-        # The rail reaches down to the status bar; table and curve lie beside it.
-        self.setCorner(Qt.Corner.BottomLeftCorner, Qt.DockWidgetArea.LeftDockWidgetArea)
-
-    def _make_docks(self) -> None:
-        self.table = GrainTable()
-        self.curve = ConvergenceCurve(self.theme)
-        bottom = Qt.DockWidgetArea.BottomDockWidgetArea
-        self.table_dock = self._dock("table", "Grains", self.table, bottom)
-        self.curve_dock = self._dock("curve", "Convergence", self.curve, bottom)
-        self.splitDockWidget(self.table_dock, self.curve_dock, Qt.Orientation.Horizontal)
-        for dock in (self.table_dock, self.curve_dock):
-            dock.setTitleBarWidget(self._dock_title(dock))
-            # Never floating: what is undocked gets lost behind the window.
-            dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
-
-    def _dock(self, name: str, title: str, content: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
-        dock = QDockWidget(title, self)
-        dock.setObjectName(name)
-        dock.setWidget(content)
-        self.addDockWidget(area, dock)
-        return dock
-
-    def _dock_title(self, dock: QDockWidget) -> QWidget:
-        bar = QFrame()
-        bar.setObjectName("dock")
-        layout = QHBoxLayout(bar)
-        layout.setContentsMargins(14, 5, 8, 3)
-        layout.addWidget(label(dock.windowTitle(), "heading"), 1)
-        close = QToolButton()
-        self.icons.set(close, "ph.x")
-        close.setToolTip(f"Hide (menu View brings “{dock.windowTitle()}” back)")
-        close.setAccessibleName(f"Hide {dock.windowTitle()}")
-        close.clicked.connect(dock.hide)
-        close.clicked.connect(self.refresh)
-        layout.addWidget(close)
-        return bar
-
-    def _make_centre(self) -> None:
-        self.welcome = Welcome()
-        self._pages = QStackedWidget()
-        self._pages.addWidget(self.welcome)
-        self._pages.addWidget(self.viewport)
-        self.view_bar = QToolBar("View")
-        self.view_bar.setMovable(False)
-        self.view_bar.setIconSize(QSize(18, 18))
-        for names in (
-            ("scan.open", "project.save"),
-            ("edit.undo", "edit.redo"),
-            tuple(f"layer.{layer}" for layer in LAYERS),
-            ("view.fit", "view.screenshot"),
-        ):
-            for name in names:
-                self.view_bar.addAction(self.commands.action(name))
-                if name.startswith("layer."):
-                    button = self.view_bar.widgetForAction(self.commands.action(name))
-                    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-            self.view_bar.addSeparator()
-        views = QToolButton()
-        self.icons.set(views, "ph.video-camera")
-        views.setToolTip("Look from …")
-        views.setAccessibleName("Camera presets")
-        views.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        menu = QMenu(views)
-        for command in self.commands:
-            if command.id.startswith("view.from_"):
-                menu.addAction(self.commands.action(command.id))
-        views.setMenu(menu)
-        self.view_bar.addWidget(views)
-        centre = QWidget()
-        centre.setObjectName("centre")
-        layout = QVBoxLayout(centre)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addWidget(self.view_bar)
-        layout.addWidget(self.messages)
-        layout.addWidget(self._pages, 1)
-        self.setCentralWidget(centre)
-
-    def _make_menus(self) -> None:
-        self._menus = {name: self.menuBar().addMenu(f"&{name}") for name in MENUS}
-        for command in self.commands:
-            menu = self._menus[command.menu]
-            if command.separated:
-                menu.addSeparator()
-            if command.id == "project.new":
-                self._recent_menu = menu.addMenu("Open recent")
-                menu.addSeparator()
-            menu.addAction(self.commands.action(command.id))
-
     def _connect(self) -> None:
         space, link = self.workspace, self.link
         for signal in (space.state_changed, self.queue.changed, self.fits.changed, self.messages.shown):
@@ -236,7 +103,7 @@ class MainWindow(QMainWindow):
         for work in (self.scans, self.grains, self.fits, self.exports, self.projects):
             work.said.connect(self.messages.say)
         self.queue.failed.connect(self._task_failed)
-        self.scans.asked.connect(self._ask_about_scan)
+        self.scans.asked.connect(self.files.ask_about_scan)
         self.projects.opened.connect(self.scans.reopen)
         self.table.chosen.connect(space.select)
         self.rail.chosen.connect(self.enter)
@@ -249,10 +116,10 @@ class MainWindow(QMainWindow):
         self.panels_fit.opacity_changed.connect(link.set_opacity)
         self.panels_fit.step_asked.connect(self.step_grain)
         self.panels_fit.points.toggled.connect(lambda on: self._run_layer("points", on))
-        self.panels_export.folder_asked.connect(self.ask_export_folder)
+        self.panels_export.folder_asked.connect(self.files.ask_export_folder)
         self.panels_grains.find_asked.connect(lambda _: self.commands.run("grains.find"))
         self.panels_export.export_asked.connect(lambda: self.commands.run("export.run"))
-        self.welcome.recent_chosen.connect(self.open_path)
+        self.welcome.recent_chosen.connect(self.files.open_path)
         for button, command in (
             (self.welcome.open_button, "scan.open"),
             (self.welcome.sample_button, "scan.sample"),
@@ -303,96 +170,6 @@ class MainWindow(QMainWindow):
         self._pages.setCurrentIndex(1 if self.has_view else 0)
         self.setWindowTitle(f"{self.workspace.title}[*] – MetaBall Studio")
         self.setWindowModified(self.workspace.is_modified)
-
-    # ---- commands: files -------------------------------------------------------------------------
-
-    def ask_scan(self) -> None:
-        """Let the person choose a scan file."""
-        kinds = " ".join(f"*{suffix}" for suffix in SCAN_SUFFIXES)
-        name, _ = QFileDialog.getOpenFileName(
-            self, "Open scan", self._folder(), f"CT scans ({kinds});;All files (*)"
-        )
-        if name:
-            self.open_path(Path(name))
-
-    def ask_scan_folder(self) -> None:
-        """Let the person choose a folder of slices."""
-        name = QFileDialog.getExistingDirectory(self, "Open folder of slices", self._folder())
-        if name:
-            self.open_path(Path(name))
-
-    def ask_project(self) -> None:
-        """Let the person choose a project file."""
-        name, _ = QFileDialog.getOpenFileName(self, "Open project", self._folder(), PROJECT_FILTER)
-        if name:
-            self.open_path(Path(name))
-
-    def open_path(self, path: Path, voxel_size: str | None = None) -> None:
-        """Open a project, a scan or a folder of slices, whichever it is."""
-        if path.suffix.lower() == ".mbs":
-            self._leave_project(lambda: self.projects.open(path))
-        else:
-            self.scans.open(path, voxel_size)
-
-    def open_sample(self) -> None:
-        """Make the sample scan."""
-        self.scans.open_sample()
-
-    def new_project(self) -> None:
-        """Begin anew."""
-        self._leave_project(self.projects.new)
-
-    def save(self) -> None:
-        """Save to the project's file, or ask for one."""
-        path = self.workspace.project.path
-        if path is None:
-            self.save_as()
-        else:
-            self.projects.save(path)
-
-    def save_as(self, after: Any = None) -> None:
-        """Ask for a file and save to it."""
-        name, _ = QFileDialog.getSaveFileName(self, "Save project", self._folder("sand.mbs"), PROJECT_FILTER)
-        if name:
-            path = Path(name)
-            self.projects.save(path if path.suffix else path.with_suffix(".mbs"), after)
-
-    def ask_screenshot(self) -> None:
-        """Ask for a file and save the view to it."""
-        name, _ = QFileDialog.getSaveFileName(
-            self, "Save picture", self._folder("view.png"), "PNG picture (*.png)"
-        )
-        if name:
-            self.save_screenshot(Path(name))
-
-    def save_screenshot(self, path: Path) -> None:
-        """Save the 3-D view as a picture."""
-        from imageio.v3 import imwrite
-
-        path = path if path.suffix else path.with_suffix(".png")
-        try:
-            imwrite(path, self.viewport.picture())
-        except OSError as error:
-            self.messages.say("error", f"{path} cannot be written ({error}): choose another folder.")
-        else:
-            self.messages.say("success", f"Saved the view as {path}.")
-
-    def ask_labels(self) -> None:
-        """Let the person choose a label image."""
-        name, _ = QFileDialog.getOpenFileName(
-            self,
-            "Load labels",
-            self._folder(),
-            "Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha);;All files (*)",
-        )
-        if name:
-            self.grains.load(Path(name))
-
-    def ask_export_folder(self) -> None:
-        """Let the person choose where DEM files go."""
-        name = QFileDialog.getExistingDirectory(self, "Folder for the DEM files", self._folder())
-        if name:
-            self.panels_export.folder.setText(name)
 
     # ---- commands: work --------------------------------------------------------------------------
 
@@ -478,10 +255,14 @@ class MainWindow(QMainWindow):
         self.restoreState(self._first_layout)
         self._show_docks()
 
-    def choose_theme(self, choice: Choice, _checked: bool = True) -> None:
+    def choose_theme(self, choice: str, _checked: bool = True) -> None:
         """Take a theme."""
         self.theme.choose(choice)
         self.commands.refresh()
+
+    def has_theme(self, choice: str) -> bool:
+        """Return whether this is the theme that was chosen."""
+        return self.theme.choice == choice
 
     def open_palette(self) -> None:
         """Show the command palette."""
@@ -537,12 +318,6 @@ class MainWindow(QMainWindow):
                 "error", f"{task.title} failed by a mistake in mbstudio ({type(error).__name__}: {error})."
             )
 
-    def _ask_about_scan(self, path: Path, why: str, raw: bool) -> None:
-        dialog = ScanDialog(path, why, raw, self)
-        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        dialog.answered.connect(self.scans.open_answered)
-        dialog.open()
-
     def _show_recent(self) -> None:
         recent = self.workspace.recent
         self.welcome.show_recent(recent)
@@ -550,7 +325,7 @@ class MainWindow(QMainWindow):
         for path in recent:
             action = self._recent_menu.addAction(path.name)
             action.setToolTip(str(path))
-            action.triggered.connect(lambda _checked=False, chosen=path: self.open_path(chosen))
+            action.triggered.connect(lambda _checked=False, chosen=path: self.files.open_path(chosen))
         self._recent_menu.setEnabled(bool(recent))
 
     def _show_docks(self) -> None:
@@ -559,41 +334,10 @@ class MainWindow(QMainWindow):
         )
         self.curve_dock.setVisible(self.station == "fit" and self.workspace.state.grains is not None)
 
-    def _folder(self, name: str = "") -> str:
-        project = self.workspace.project.path
-        recent = self.workspace.recent
-        folder = project.parent if project else (recent[0].parent if recent else Path.home())
-        return str(folder / name)
-
-    # ---- leaving ---------------------------------------------------------------------------------
-
-    def _leave_project(self, then: Any) -> None:
-        """Do `then` once unsaved work is saved or given up."""
-        if not (
-            self.ask_before_closing and self.workspace.is_modified and self.workspace.state.scan is not None
-        ):
-            then()
-            return
-        box = QMessageBox(self)
-        box.setIcon(QMessageBox.Icon.Question)
-        box.setText(f"Save the changes to “{self.workspace.title}”?")
-        box.setInformativeText("Otherwise the grains and avatars since the last save are lost.")
-        buttons = QMessageBox.StandardButton
-        box.setStandardButtons(buttons.Save | buttons.Discard | buttons.Cancel)
-        answer = box.exec()
-        if answer == buttons.Save:
-            path = self.workspace.project.path
-            if path is None:
-                self.save_as(after=then)
-            else:
-                self.projects.save(path, after=then)
-        elif answer == buttons.Discard:
-            then()
-
     def closeEvent(self, event: QCloseEvent) -> None:
         if not self._closing and self.ask_before_closing and self.workspace.is_modified:
             event.ignore()
-            self._leave_project(self._close_without_asking)
+            self.files.leave_project(self._close_without_asking)
             return
         self._closing = True
         self.settings.setValue("geometry", self.saveGeometry())
@@ -629,4 +373,4 @@ class MainWindow(QMainWindow):
         if len(paths) != 1:
             self.messages.say("warning", "Drop one file or one folder of slices at a time.")
         else:
-            self.open_path(paths[0])
+            self.files.open_path(paths[0])

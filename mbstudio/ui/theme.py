@@ -160,9 +160,9 @@ class Theme(QObject):
     def is_dark(self) -> bool:
         return self.tokens is DARK
 
-    def choose(self, choice: Choice) -> None:
+    def choose(self, choice: str) -> None:
         """Take the light or the dark theme, or follow the system."""
-        self.choice = choice
+        self.choice = choice if choice in ("light", "dark") else "system"  # type: ignore[assignment]
         self._settings.setValue("theme", choice)
         self.apply()
 

@@ -26,13 +26,14 @@ from mbstudio.ui.work.fit_work import FitWork, LiveAvatar
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
-# Layers that can be switched at each station, and the longest side in voxels that is drawn: what software renders in a fraction of a second.
+# Layers that can be switched at each station.
 STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
     "scan": ("slices", "volume"),
     "grains": ("slices", "volume", "grains"),
     "fit": ("slices", "grain", "avatar", "points"),
     "export": ("slices", "grains", "avatars"),
 }
+# Longest side in voxels of overview and volume: what software renders in a fraction of a second.
 DETAIL = {"OpenGL": (320, 384), "software": (140, 160)}
 
 

@@ -39,74 +39,259 @@ def window_commands(window: MainWindow) -> list[Command]:
 def _file(window: MainWindow) -> list[Command]:
     space = window.workspace
     return [
-        Command("scan.open", "Open scan…", window.ask_scan, "File", "Ctrl+O", "ph.folder-open",
-                "Open a TIFF stack, RAW, NPY, NRRD or MetaImage file"),
-        Command("scan.open_folder", "Open folder of slices…", window.ask_scan_folder, "File", "", "ph.folders",
-                "Open a folder of TIFF or PNG slices"),
-        Command("scan.sample", "Open the sample scan", window.open_sample, "File", "", "ph.sparkle",
-                "A synthetic scan of grains in contact, made by mbstudio"),
-        Command("project.new", "New project", window.new_project, "File", "Ctrl+N", "ph.file",
-                "Begin with an empty project", separated=True),
-        Command("project.open", "Open project…", window.ask_project, "File", "Ctrl+Shift+O", "ph.folder-simple",
-                "Open a project file (*.mbs)"),
-        Command("project.save", "Save project", window.save, "File", "Ctrl+S", "ph.floppy-disk",
-                "Write the project to its file", lambda: space.is_modified and space.state.scan is not None),
-        Command("project.save_as", "Save project as…", window.save_as, "File", "Ctrl+Shift+S", "",
-                "Write the project to another file", lambda: space.state.scan is not None),
-        Command("view.screenshot", "Save picture of the view…", window.ask_screenshot, "File", "Ctrl+Shift+C",
-                "ph.camera", "Save the 3-D view as PNG", lambda: window.has_view, separated=True),
-        Command("window.quit", "Quit", window.close, "File", "Ctrl+Q", "", "Close the window", separated=True),
-    ]  # fmt: skip
+        Command(
+            "scan.open",
+            "Open scan…",
+            window.files.ask_scan,
+            "File",
+            "Ctrl+O",
+            "ph.folder-open",
+            "Open a TIFF stack, RAW, NPY, NRRD or MetaImage file",
+        ),
+        Command(
+            "scan.open_folder",
+            "Open folder of slices…",
+            window.files.ask_scan_folder,
+            "File",
+            "",
+            "ph.folders",
+            "Open a folder of TIFF or PNG slices",
+        ),
+        Command(
+            "scan.sample",
+            "Open the sample scan",
+            window.files.open_sample,
+            "File",
+            "",
+            "ph.sparkle",
+            "A synthetic scan of grains in contact, made by mbstudio",
+        ),
+        Command(
+            "project.new",
+            "New project",
+            window.files.new_project,
+            "File",
+            "Ctrl+N",
+            "ph.file",
+            "Begin with an empty project",
+            separated=True,
+        ),
+        Command(
+            "project.open",
+            "Open project…",
+            window.files.ask_project,
+            "File",
+            "Ctrl+Shift+O",
+            "ph.folder-simple",
+            "Open a project file (*.mbs)",
+        ),
+        Command(
+            "project.save",
+            "Save project",
+            window.files.save,
+            "File",
+            "Ctrl+S",
+            "ph.floppy-disk",
+            "Write the project to its file",
+            lambda: space.is_modified and space.state.scan is not None,
+        ),
+        Command(
+            "project.save_as",
+            "Save project as…",
+            window.files.save_as,
+            "File",
+            "Ctrl+Shift+S",
+            "",
+            "Write the project to another file",
+            lambda: space.state.scan is not None,
+        ),
+        Command(
+            "view.screenshot",
+            "Save picture of the view…",
+            window.files.ask_screenshot,
+            "File",
+            "Ctrl+Shift+C",
+            "ph.camera",
+            "Save the 3-D view as PNG",
+            lambda: window.has_view,
+            separated=True,
+        ),
+        Command(
+            "window.quit", "Quit", window.close, "File", "Ctrl+Q", "", "Close the window", separated=True
+        ),
+    ]
 
 
 def _edit(window: MainWindow) -> list[Command]:
     history = lambda: window.workspace.project.history  # noqa: E731
     return [
-        Command("edit.undo", "Undo", window.undo, "Edit", "Ctrl+Z", "ph.arrow-counter-clockwise",
-                "Take the last change back", lambda: history().can_undo),
-        Command("edit.redo", "Redo", window.redo, "Edit", "Ctrl+Shift+Z", "ph.arrow-clockwise",
-                "Make the last undone change again", lambda: history().can_redo),
-        Command("work.cancel", "Cancel the running task", window.cancel_task, "Edit", "Ctrl+.", "ph.x-circle",
-                "Stop what is shown in the status bar", lambda: window.queue.running() is not None, separated=True),
-        Command("message.dismiss", "Close the message", window.messages.dismiss, "Edit", "Esc", "",
-                "Take the message above the view away", lambda: bool(window.messages.text)),
-    ]  # fmt: skip
+        Command(
+            "edit.undo",
+            "Undo",
+            window.undo,
+            "Edit",
+            "Ctrl+Z",
+            "ph.arrow-counter-clockwise",
+            "Take the last change back",
+            lambda: history().can_undo,
+        ),
+        Command(
+            "edit.redo",
+            "Redo",
+            window.redo,
+            "Edit",
+            "Ctrl+Shift+Z",
+            "ph.arrow-clockwise",
+            "Make the last undone change again",
+            lambda: history().can_redo,
+        ),
+        Command(
+            "work.cancel",
+            "Cancel the running task",
+            window.cancel_task,
+            "Edit",
+            "Ctrl+.",
+            "ph.x-circle",
+            "Stop what is shown in the status bar",
+            lambda: window.queue.running() is not None,
+            separated=True,
+        ),
+        Command(
+            "message.dismiss",
+            "Close the message",
+            window.messages.dismiss,
+            "Edit",
+            "Esc",
+            "",
+            "Take the message above the view away",
+            lambda: bool(window.messages.text),
+        ),
+    ]
 
 
 def _grains(window: MainWindow) -> list[Command]:
     space = window.workspace
     return [
-        Command("grains.find", "Find grains", window.find_grains, "Grains", "Ctrl+G", "ph.magnifying-glass",
-                "Tell the grains of the scan apart", lambda: window.may_find_grains),
-        Command("grains.load", "Load labels…", window.ask_labels, "Grains", "", "ph.folder-open",
-                "Take a label image made elsewhere", lambda: window.may_find_grains),
-        Command("grains.next", "Next grain", partial(window.step_grain, 1), "Grains", "Ctrl+Down", "ph.caret-down",
-                "Choose the next row of the table", lambda: space.state.grains is not None, separated=True),
-        Command("grains.previous", "Previous grain", partial(window.step_grain, -1), "Grains", "Ctrl+Up",
-                "ph.caret-up", "Choose the row above", lambda: space.state.grains is not None),
-        Command("grains.unselect", "Choose no grain", partial(space.select, None), "Grains", "Ctrl+D", "",
-                "Show all grains in their colours", lambda: space.selected is not None),
-    ]  # fmt: skip
+        Command(
+            "grains.find",
+            "Find grains",
+            window.find_grains,
+            "Grains",
+            "Ctrl+G",
+            "ph.magnifying-glass",
+            "Tell the grains of the scan apart",
+            lambda: window.may_find_grains,
+        ),
+        Command(
+            "grains.load",
+            "Load labels…",
+            window.files.ask_labels,
+            "Grains",
+            "",
+            "ph.folder-open",
+            "Take a label image made elsewhere",
+            lambda: window.may_find_grains,
+        ),
+        Command(
+            "grains.next",
+            "Next grain",
+            partial(window.step_grain, 1),
+            "Grains",
+            "Ctrl+Down",
+            "ph.caret-down",
+            "Choose the next row of the table",
+            lambda: space.state.grains is not None,
+            separated=True,
+        ),
+        Command(
+            "grains.previous",
+            "Previous grain",
+            partial(window.step_grain, -1),
+            "Grains",
+            "Ctrl+Up",
+            "ph.caret-up",
+            "Choose the row above",
+            lambda: space.state.grains is not None,
+        ),
+        Command(
+            "grains.unselect",
+            "Choose no grain",
+            partial(space.select, None),
+            "Grains",
+            "Ctrl+D",
+            "",
+            "Show all grains in their colours",
+            lambda: space.selected is not None,
+        ),
+    ]
 
 
 def _fit(window: MainWindow) -> list[Command]:
     space, fits = window.workspace, window.fits
     return [
-        Command("fit.grain", "Fit grain", window.fit_grain, "Fit", "Ctrl+F", "ph.play-circle",
-                "Fit an avatar to the chosen grain", lambda: space.selected is not None and not fits.is_running),
-        Command("fit.all", "Fit all grains", window.fit_all, "Fit", "Ctrl+Shift+F", "ph.fast-forward-circle",
-                "Fit every grain inside the scan that has no avatar yet",
-                lambda: bool(fits.unfitted()) and not window.is_fitting_all),
-        Command("fit.pause", "Pause or resume the fit", fits.pause, "Fit", "Ctrl+Space", "ph.pause-circle",
-                "Halt the search, or let it go on", lambda: fits.is_running, separated=True),
-        Command("fit.stop", "Stop the fit and keep the avatar", fits.stop, "Fit", "", "ph.stop-circle",
-                "End the search with the avatar as it stands", lambda: fits.is_running),
-        Command("fit.more", "More generations", window.more_generations, "Fit", "", "ph.plus-circle",
-                "Let the last search go on", lambda: fits.can_go_on(space.selected)),
-        Command("export.run", "Export avatars", window.export, "Fit", "Ctrl+E", "ph.export",
-                "Write the avatars for the DEM engine chosen at station Export",
-                lambda: window.panels_export.is_ready, separated=True),
-    ]  # fmt: skip
+        Command(
+            "fit.grain",
+            "Fit grain",
+            window.fit_grain,
+            "Fit",
+            "Ctrl+F",
+            "ph.play-circle",
+            "Fit an avatar to the chosen grain",
+            lambda: space.selected is not None and not fits.is_running,
+        ),
+        Command(
+            "fit.all",
+            "Fit all grains",
+            window.fit_all,
+            "Fit",
+            "Ctrl+Shift+F",
+            "ph.fast-forward-circle",
+            "Fit every grain inside the scan that has no avatar yet",
+            lambda: bool(fits.unfitted()) and not window.is_fitting_all,
+        ),
+        Command(
+            "fit.pause",
+            "Pause or resume the fit",
+            fits.pause,
+            "Fit",
+            "Ctrl+Space",
+            "ph.pause-circle",
+            "Halt the search, or let it go on",
+            lambda: fits.is_running,
+            separated=True,
+        ),
+        Command(
+            "fit.stop",
+            "Stop the fit and keep the avatar",
+            fits.stop,
+            "Fit",
+            "",
+            "ph.stop-circle",
+            "End the search with the avatar as it stands",
+            lambda: fits.is_running,
+        ),
+        Command(
+            "fit.more",
+            "More generations",
+            window.more_generations,
+            "Fit",
+            "",
+            "ph.plus-circle",
+            "Let the last search go on",
+            lambda: fits.can_go_on(space.selected),
+        ),
+        Command(
+            "export.run",
+            "Export avatars",
+            window.export,
+            "Fit",
+            "Ctrl+E",
+            "ph.export",
+            "Write the avatars for the DEM engine chosen at station Export",
+            lambda: window.panels_export.is_ready,
+            separated=True,
+        ),
+    ]
 
 
 def _view(window: MainWindow) -> list[Command]:
@@ -124,44 +309,109 @@ def _view(window: MainWindow) -> list[Command]:
         for number, (name, title, icon, tip) in enumerate(STATIONS, 1)
     ]
     commands.append(
-        Command("view.fit", "Fit view", link.fit_view, "View", "Home", "ph.frame-corners",
-                "Bring all that is shown into the picture", lambda: window.has_view, separated=True)
-    )  # fmt: skip
+        Command(
+            "view.fit",
+            "Fit view",
+            link.fit_view,
+            "View",
+            "Home",
+            "ph.frame-corners",
+            "Bring all that is shown into the picture",
+            lambda: window.has_view,
+            separated=True,
+        )
+    )
     commands += [
-        Command(f"view.from_{view}", f"View: {view}", partial(link.look_from, view), "View", f"Alt+{number}", "",
-                f"Look at it from the {view}" if view != "isometric" else "Look at it from an upper corner",
-                lambda: window.has_view)
+        Command(
+            f"view.from_{view}",
+            f"View: {view}",
+            partial(link.look_from, view),
+            "View",
+            f"Alt+{number}",
+            "",
+            f"Look at it from the {view}" if view != "isometric" else "Look at it from an upper corner",
+            lambda: window.has_view,
+        )
         for number, view in enumerate(VIEWS, 1)
-    ]  # fmt: skip
+    ]
     commands += [
-        Command(f"layer.{layer}", title, partial(link.show_layer, layer), "View", "", icon, tip,
-                lambda: window.has_view, partial(link.is_shown, layer), separated=number == 0)
+        Command(
+            f"layer.{layer}",
+            title,
+            partial(link.show_layer, layer),
+            "View",
+            "",
+            icon,
+            tip,
+            lambda: window.has_view,
+            partial(link.is_shown, layer),
+            separated=number == 0,
+        )
         for number, (layer, title, icon, tip) in enumerate(_LAYERS)
-    ]  # fmt: skip
-    theme = window.theme
+    ]
     commands += [
-        Command("panel.table", "Table of grains", window.show_table, "View", "Ctrl+T", "ph.table",
-                "Show or hide the table of grains", checked=lambda: not window.table_dock.isHidden(), separated=True),
-        Command("panel.curve", "Convergence curve", window.show_curve, "View", "", "ph.chart-line",
-                "Show or hide the convergence curve", checked=lambda: not window.curve_dock.isHidden()),
+        Command(
+            "panel.table",
+            "Table of grains",
+            window.show_table,
+            "View",
+            "Ctrl+T",
+            "ph.table",
+            "Show or hide the table of grains",
+            checked=lambda: not window.table_dock.isHidden(),
+            separated=True,
+        ),
+        Command(
+            "panel.curve",
+            "Convergence curve",
+            window.show_curve,
+            "View",
+            "",
+            "ph.chart-line",
+            "Show or hide the convergence curve",
+            checked=lambda: not window.curve_dock.isHidden(),
+        ),
         Command("panel.reset", "Reset layout", window.reset_layout, "View", "", "", "Put the panels back"),
-    ]  # fmt: skip
+    ]
     commands += [
-        Command(f"theme.{choice}", title, partial(window.choose_theme, choice), "View", "", icon, tip,
-                checked=lambda choice=choice: theme.choice == choice, separated=choice == "system")
+        Command(
+            f"theme.{choice}",
+            title,
+            partial(window.choose_theme, choice),
+            "View",
+            "",
+            icon,
+            tip,
+            checked=partial(window.has_theme, choice),
+            separated=choice == "system",
+        )
         for choice, title, icon, tip in (
             ("system", "Theme: as the system", "ph.circle-half", "Follow the system's light or dark theme"),
             ("light", "Theme: light", "ph.sun", "Dark text on light"),
             ("dark", "Theme: dark", "ph.moon", "Light text on dark"),
         )
-    ]  # fmt: skip
+    ]
     return commands
 
 
 def _help(window: MainWindow) -> list[Command]:
     return [
-        Command("help.palette", "Command palette", window.open_palette, "Help", "Ctrl+Shift+P; Ctrl+K", "ph.command",
-                "Find any command by typing"),
-        Command("help.about", "About MetaBall Studio", window.about, "Help", "", "ph.info",
-                "Versions, graphics and licence"),
-    ]  # fmt: skip
+        Command(
+            "help.palette",
+            "Command palette",
+            window.open_palette,
+            "Help",
+            "Ctrl+Shift+P; Ctrl+K",
+            "ph.command",
+            "Find any command by typing",
+        ),
+        Command(
+            "help.about",
+            "About MetaBall Studio",
+            window.about,
+            "Help",
+            "",
+            "ph.info",
+            "Versions, graphics and licence",
+        ),
+    ]

@@ -139,6 +139,7 @@ class Task(QObject):
         self.is_paused = False
         self.can_pause = fraction is not None
         self.handled: tuple[type[Exception], ...] = ()  # errors that its owner answers itself
+        self._is_muted = False
         self._work = work
         self._prepare = prepare
         self._fraction = fraction
@@ -182,6 +183,10 @@ class Task(QObject):
     @property
     def is_over(self) -> bool:
         return self.state not in ("waiting", "running")
+
+    def mute(self) -> None:
+        """Say nothing any more: whoever would listen is about to be deleted."""
+        self._is_muted = True
 
     def wait(self, seconds: float) -> bool:
         """Wait for the thread to end; return whether it has."""
@@ -234,6 +239,8 @@ class Task(QObject):
     # ---- in the main thread ----------------------------------------------------------------
 
     def _deliver(self, kind: str, value: Any) -> None:
+        if self._is_muted:
+            return
         if kind == "report":
             try:
                 if not self._control.is_cancelled:
@@ -242,9 +249,12 @@ class Task(QObject):
                 self._control._taken.set()
             return
         self.state = kind
-        {"succeeded": self.succeeded, "failed": self.failed}.get(kind, self.cancelled).emit(
-            *([value] if kind in ("succeeded", "failed") else [])
-        )
+        if kind == "succeeded":
+            self.succeeded.emit(value)
+        elif kind == "failed":
+            self.failed.emit(value)
+        else:
+            self.cancelled.emit()
         self.ended.emit()
 
 
@@ -274,7 +284,7 @@ class TaskQueue(QObject):
                 entry[1].cancel()
         queue.append((key, task))
         task.ended.connect(lambda: self._ended(lane, task))
-        task.failed.connect(lambda error: isinstance(error, task.handled) or self.failed.emit(task, error))
+        task.failed.connect(lambda error: self._failed(task, error))
         self._start_next(lane)
         self.changed.emit()
         return task
@@ -303,7 +313,13 @@ class TaskQueue(QObject):
     def shut_down(self, seconds: float = 10.0) -> bool:
         """Cancel everything and wait for the threads; return whether all have ended."""
         self.cancel_all()
-        return all(task.wait(seconds) for task in [*self._running.values()])
+        running = [*self._running.values()]
+        self._running.clear()
+        for task in running:
+            task.mute()
+        # Every thread is waited for, also after one that does not end.
+        ended = [task.wait(seconds) for task in running]
+        return all(ended)
 
     def _start_next(self, lane: str) -> None:
         queue = self._waiting.get(lane)
@@ -314,6 +330,10 @@ class TaskQueue(QObject):
             self._running[lane] = task
             self.started.emit(task)
             task.start()
+
+    def _failed(self, task: Task, error: Exception) -> None:
+        if not isinstance(error, task.handled):
+            self.failed.emit(task, error)
 
     def _ended(self, lane: str, task: Task) -> None:
         if self._running.get(lane) is task:

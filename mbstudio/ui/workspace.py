@@ -155,7 +155,7 @@ class Workspace(QObject):
     @property
     def recent(self) -> list[Path]:
         """Files opened or saved last, newest first, those that still exist."""
-        names = self._settings.value("recent", []) or []
+        names: Any = self._settings.value("recent", []) or []
         names = [names] if isinstance(names, str) else list(names)
         return [Path(name) for name in names if Path(name).exists()]
 

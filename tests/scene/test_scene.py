@@ -213,7 +213,8 @@ def test_round_lengths(length, expected):
 
 
 @pytest.mark.parametrize(
-    ("length", "unit", "text"), [(2000, "um", "2 mm"), (0.5, "mm", "500 µm"), (3.2, "mm", "3.2 mm"), (2, "m", "2 m")]
+    ("length", "unit", "text"),
+    [(2000, "um", "2 mm"), (0.5, "mm", "500 µm"), (3.2, "mm", "3.2 mm"), (2, "m", "2 m")],
 )
 def test_readable_lengths(length, unit, text):
     assert readable_length(length, unit) == text

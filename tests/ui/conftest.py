@@ -85,7 +85,7 @@ def scan_path(tmp_path_factory):
 @pytest.fixture
 def scanned(window, idle, scan_path):
     """The window with the scan opened."""
-    window.open_path(scan_path, "14 um")
+    window.files.open_path(scan_path, "14 um")
     idle()
     return window
 

@@ -40,7 +40,9 @@ def bad_files(tmp_path, scan_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["cut.tif", "empty.tif", "text.mbs", "holiday.docx", "slices", "missing.tif"])
+@pytest.mark.parametrize(
+    "name", ["cut.tif", "empty.tif", "text.mbs", "holiday.docx", "slices", "missing.tif"]
+)
 def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_files, name, qtbot):
     window = segmented
     before = window.workspace.state
@@ -48,7 +50,7 @@ def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_fi
         if name.endswith(".mbs"):
             drop(window, bad_files / name)
         else:
-            window.open_path(bad_files / name, "14 um")
+            window.files.open_path(bad_files / name, "14 um")
         idle()
     assert not exceptions
     assert window.messages.level == "error"
@@ -59,7 +61,7 @@ def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_fi
 
 
 def test_voxels_that_are_all_equal_hold_no_grains(window, idle, bad_files):
-    window.open_path(bad_files / "constant.npy", "14 um")
+    window.files.open_path(bad_files / "constant.npy", "14 um")
     idle()
     assert window.commands.run("grains.find")
     idle()
@@ -87,7 +89,7 @@ def test_a_scan_without_voxel_size_is_asked_about(window, idle, tmp_path):
 def test_a_raw_file_shorter_than_its_shape_cannot_be_opened(window, idle, tmp_path):
     path = tmp_path / "short.raw"
     path.write_bytes(bytes(1000))
-    window.open_path(path)
+    window.files.open_path(path)
     (dialog,) = window.findChildren(ScanDialog)
     dialog.size_field.setText("14")
     for field in dialog.shape_fields:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -186,10 +188,10 @@ def test_the_project_comes_back_with_its_scan(segmented, idle, tmp_path, qtbot):
     window = segmented
     window.projects.save(tmp_path / "sand.mbs")
     idle()
-    window.new_project()
+    window.files.new_project()
     assert window.workspace.state.grains is None
     assert window._pages.currentIndex() == 0
-    window.open_path(tmp_path / "sand.mbs")
+    window.files.open_path(tmp_path / "sand.mbs")
     qtbot.waitUntil(lambda: window.workspace.scan is not None, timeout=PATIENCE)
     idle()
     assert len(window.workspace.state.grains) == 3
@@ -201,10 +203,12 @@ def test_every_command_runs_or_is_disabled(segmented, idle, monkeypatch, tmp_pat
     window = segmented
     window.projects.save(tmp_path / "sand.mbs")
     idle()
+    small = SimpleNamespace(scan=replace(window.workspace.scan, path=None))
+    monkeypatch.setattr("mbstudio.ui.work.scan_work.sample_scan", lambda: small)
     nothing = lambda *args, **kwargs: ("", "")  # noqa: E731
     for name in ("getOpenFileName", "getSaveFileName"):
-        monkeypatch.setattr(f"mbstudio.ui.main_window.QFileDialog.{name}", nothing)
-    monkeypatch.setattr("mbstudio.ui.main_window.QFileDialog.getExistingDirectory", lambda *args: "")
+        monkeypatch.setattr(f"mbstudio.ui.file_actions.QFileDialog.{name}", nothing)
+    monkeypatch.setattr("mbstudio.ui.file_actions.QFileDialog.getExistingDirectory", lambda *args: "")
     with qtbot.captureExceptions() as exceptions:
         for command in window.commands:
             if command.id in ("window.quit", "project.new"):
@@ -218,7 +222,15 @@ def test_every_command_runs_or_is_disabled(segmented, idle, monkeypatch, tmp_pat
 
 def test_commands_without_anything_to_work_on_are_disabled(window):
     window.commands.refresh()
-    for name in ("grains.find", "fit.grain", "fit.all", "project.save", "export.run", "edit.undo", "view.fit"):
+    for name in (
+        "grains.find",
+        "fit.grain",
+        "fit.all",
+        "project.save",
+        "export.run",
+        "edit.undo",
+        "view.fit",
+    ):
         assert not window.commands.run(name), name
     assert window._pages.currentWidget() is window.welcome
 

@@ -139,7 +139,9 @@ def test_only_the_newest_of_the_waiting_pictures_is_built(queue, qtbot):
     built = []
     queue.submit(Task("busy", lambda control: time.sleep(0.1)), lane="view")
     for number in range(5):
-        queue.submit(Task("mesh", lambda control, number=number: built.append(number)), lane="view", key="mesh")
+        queue.submit(
+            Task("mesh", lambda control, number=number: built.append(number)), lane="view", key="mesh"
+        )
     qtbot.waitUntil(lambda: queue.is_idle)
     assert built == [4]
 

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 from mbstudio.core.dem import targets
 from mbstudio.core.units import unit_label
 from mbstudio.ui.panels.panel import Panel
-from mbstudio.ui.widgets.forms import label, primary_button, row
+from mbstudio.ui.widgets.forms import empty, label, primary_button, row
 from mbstudio.ui.workspace import Workspace
 
 UNITS = ("um", "mm", "cm", "m")
@@ -109,7 +109,8 @@ class ExportPanel(Panel):
         fits = self._workspace.state.fits
         kind = self.selection.currentData()
         if kind == "chosen":
-            return [self._workspace.selected] if self._workspace.selected in fits else []
+            chosen = self._workspace.selected
+            return [chosen] if chosen is not None and chosen in fits else []
         return sorted(label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid)
 
     def given(self) -> dict[str, Any]:
@@ -167,11 +168,7 @@ class ExportPanel(Panel):
         self.unit.addItem(f"The target's own{default}" if default else "As in the scan", None)
         for unit in UNITS:
             self.unit.addItem(unit_label(unit), unit)
-        while self._options_layout.count():
-            item = self._options_layout.takeAt(0).widget()
-            if item is not None:
-                item.hide()
-                item.deleteLater()
+        empty(self._options_layout)
         self._option_fields = {}
         for name, option in target.options.items():
             field = _field(option)

@@ -101,17 +101,18 @@ class FitPanel(Panel):
         self.more_button.setToolTip("Let the search go on from here, with n as set above")
         self.all_button = QPushButton("Fit all grains")
         self._running, self._going_on = QWidget(), QWidget()
-        for holder, widgets in (
+        pairs: tuple[tuple[QWidget, tuple[QWidget, ...]], ...] = (
             (self._running, (self.pause_button, self.stop_button)),
             (self._going_on, (self.more, self.more_button)),
-        ):
+        )
+        for holder, widgets in pairs:
             layout = QHBoxLayout(holder)
             layout.setContentsMargins(0, 0, 0, 0)
             layout.setSpacing(8)
             for widget in widgets:
                 layout.addWidget(widget, 1)
-        for widget in (self.fit_button, self._running, self._going_on, self.all_button):
-            self.foot.addWidget(widget)
+        for part in (self.fit_button, self._running, self._going_on, self.all_button):
+            self.foot.addWidget(part)
         self._connect()
         self.refresh()
 

@@ -25,7 +25,7 @@ class SoftwareViewport(Viewport):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.plotter = pv.Plotter(off_screen=True, window_size=(640, 480))
+        self.plotter = pv.Plotter(off_screen=True, window_size=[640, 480])
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName("3-D view")
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)

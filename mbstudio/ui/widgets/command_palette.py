@@ -36,7 +36,7 @@ class CommandPalette(QFrame):
     def __init__(self, commands: CommandTable, window: QWidget) -> None:
         super().__init__(window)
         self.setObjectName("palette")
-        self._commands = commands
+        self._commands, self._window = commands, window
         self._search = QLineEdit()
         self._search.setPlaceholderText("What do you want to do?")
         self._search.setAccessibleName("Search commands")
@@ -56,7 +56,7 @@ class CommandPalette(QFrame):
     def open(self) -> None:
         """Show it over the upper middle of the window, ready to type."""
         self._commands.refresh()
-        window = self.parentWidget()
+        window = self._window
         width = min(560, window.width() - 80)
         self.setGeometry((window.width() - width) // 2, 76, width, min(420, window.height() - 140))
         self._search.clear()

@@ -20,6 +20,7 @@ _ROWS = (
     ("ds", "D_s", 1, "Diameter of the circle with the maximum projected area A_p: √(4 A_p/π)"),
     ("dns", "D_ns", 0, "D_n / D_s"),
 )
+_HEADS = ("Factor", "Grain", "Avatar", "Error")
 _POWERS = {1: "", 2: "²", 3: "³"}
 
 
@@ -28,8 +29,8 @@ class FactorsTable(QTableWidget):
 
     def __init__(self) -> None:
         super().__init__(len(_ROWS), 4)
+        self._cells = [[QTableWidgetItem() for _ in range(4)] for _ in _ROWS]
         self.setAccessibleName("Shape factors of grain and avatar")
-        self.setHorizontalHeaderLabels(["Factor", "Grain", "Avatar", "Error"])
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(26)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -47,11 +48,13 @@ class FactorsTable(QTableWidget):
         for column in range(4):
             side = Qt.AlignmentFlag.AlignLeft if column == 0 else Qt.AlignmentFlag.AlignRight
             for row in range(len(_ROWS)):
-                item = QTableWidgetItem()
+                item = self._cells[row][column]
                 item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
                 item.setToolTip(_ROWS[row][3])
                 self.setItem(row, column, item)
-            self.horizontalHeaderItem(column).setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+            head = QTableWidgetItem(_HEADS[column])
+            head.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+            self.setHorizontalHeaderItem(column, head)
         self.setFixedHeight(26 * len(_ROWS) + 31)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -67,8 +70,8 @@ class FactorsTable(QTableWidget):
                 shown = readable_power_unit(getattr(known, name), known.unit, power)
                 unit = f" [{unit_label(shown)}{_POWERS[power]}]"
                 factor = conversion_factor(known.unit, shown) ** power
-            self.item(row, 0).setText(sign + unit)
-            self.item(row, 1).setText("" if truth is None else f"{truth * factor:#.4g}")
-            self.item(row, 2).setText("" if value is None else f"{value * factor:#.4g}")
+            self._cells[row][0].setText(sign + unit)
+            self._cells[row][1].setText("" if truth is None else f"{truth * factor:#.4g}")
+            self._cells[row][2].setText("" if value is None else f"{value * factor:#.4g}")
             error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
-            self.item(row, 3).setText(error)
+            self._cells[row][3].setText(error)

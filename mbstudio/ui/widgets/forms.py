@@ -10,6 +10,7 @@ from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
     QLabel,
+    QLayout,
     QPushButton,
     QSlider,
     QSpinBox,
@@ -88,6 +89,15 @@ def row(title: str, field: QWidget, tip: str = "", unit: str = "") -> QWidget:
     for widget in (field, name):
         widget.setToolTip(tip)
     return line
+
+
+def empty(layout: QLayout) -> None:
+    """Delete all widgets of a layout."""
+    while (item := layout.takeAt(0)) is not None:
+        widget = item.widget()
+        if widget is not None:
+            widget.hide()
+            widget.deleteLater()
 
 
 class NumberSlider(QWidget):

@@ -141,7 +141,7 @@ class GrainTableModel(QAbstractTableModel):
         if column == 0:
             return str(self.label(row))
         if column == 1:
-            return f"{self._columns['volume'][row]:#.4g}"
+            return f"{self._columns['volume'][row]:#.3g}"
         if column == 2:
             return f"{self._columns['dn'][row]:.1f}"
         if column == 3:
@@ -181,10 +181,9 @@ class GrainTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(27)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
-        header.setMinimumSectionSize(58)
-        header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
-        self.setColumnWidth(0, 62)
+        header.setMinimumSectionSize(62)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setStretchLastSection(True)
         self.selectionModel().currentRowChanged.connect(self._row_chosen)
         self._quiet = False
 

@@ -57,7 +57,7 @@ class ScanDialog(QDialog):
         self.setMinimumWidth(430)
         self._path, self._raw = path, raw
         self.size_field = QLineEdit()
-        self.size_field.setPlaceholderText("14   or   20 x 14 x 14  (z, y, x)")
+        self.size_field.setPlaceholderText("14 or 20 x 14 x 14")
         self.size_field.setMinimumWidth(190)
         self.unit_field = QComboBox()
         for unit in ("um", "mm", "nm", "cm", "m"):
@@ -68,7 +68,9 @@ class ScanDialog(QDialog):
         line.setContentsMargins(0, 0, 0, 0)
         line.addWidget(self.size_field, 1)
         line.addWidget(self.unit_field)
-        self._size_row = row("Voxel size", size, "Edge length of a voxel; three numbers if they differ")
+        self._size_row = row(
+            "Voxel size", size, "Edge length of a voxel; three numbers (z, y, x) if they differ"
+        )
         self.size_field.setAccessibleName("Voxel size")
         self.shape_fields = [QSpinBox() for _ in "zyx"]
         self.type_field = QComboBox()

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import application_icon
-from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
+from mbstudio.ui.widgets.forms import empty, label, primary_button, quiet_button
 
 
 class Welcome(QFrame):
@@ -33,8 +33,8 @@ class Welcome(QFrame):
         layout.addWidget(label("From a CT scan to particles for DEM", "welcome", wrap=True))
         layout.addWidget(
             label(
-                "Open a stack of X-ray CT slices, find its grains, fit a metaball avatar to each, and hand them to "
-                "your DEM engine. You can also drop a file or a folder of slices anywhere onto this window.",
+                "Open a stack of X-ray CT slices, find its grains, fit a metaball avatar to each, and hand "
+                "them to your DEM engine. You can also drop a file or a folder of slices onto this window.",
                 "subtitle",
                 wrap=True,
             )
@@ -60,11 +60,7 @@ class Welcome(QFrame):
 
     def show_recent(self, paths: list[Path]) -> None:
         """List the files opened last."""
-        while self._recent.count():
-            item = self._recent.takeAt(0).widget()
-            if item is not None:
-                item.hide()
-                item.deleteLater()
+        empty(self._recent)
         self._recent_heading.setVisible(bool(paths))
         for path in paths[:5]:
             button = quiet_button(f"{path.name}   –   {path.parent}")

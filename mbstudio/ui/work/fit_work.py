@@ -119,7 +119,7 @@ class FitWork(Work):
         return self._start(f"Fitting grain {label}", steps, fitting)
 
     def go_on(self, generations: int, n: int) -> Task | None:
-        """Let the last fit go on for more generations, with another number of control points if it differs."""
+        """Let the last fit go on for more generations, with n control points."""
         fitting = self._fitting
         if fitting is None or fitting.run is None or self.is_running:
             return None

@@ -15,7 +15,7 @@ class GrainWork(Work):
     """Segments the scan."""
 
     def find(self, settings: SegmentationSettings) -> Task | None:
-        """Find the grains of the scan; the present ones and their fits are replaced (undo brings them back)."""
+        """Find the grains of the scan in place of the present ones and their fits."""
         scan = self.workspace.scan
         if scan is None:
             return None

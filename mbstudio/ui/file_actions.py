@@ -1,0 +1,158 @@
+"""Opening and saving: which file, and whether unsaved work may go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QObject, Qt
+from PySide6.QtWidgets import QFileDialog, QMessageBox
+
+from mbstudio.ui.widgets.scan_dialog import ScanDialog
+from mbstudio.ui.work.scan_work import SCAN_SUFFIXES
+
+if TYPE_CHECKING:
+    from mbstudio.ui.main_window import MainWindow
+
+PROJECT_FILTER = "MetaBall Studio project (*.mbs)"
+
+
+class FileActions(QObject):
+    """Asks the person for files and hands them to the work.
+
+    Parameters
+    ----------
+    window : MainWindow
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window = window
+
+    def ask_scan(self) -> None:
+        """Let the person choose a scan file."""
+        kinds = " ".join(f"*{suffix}" for suffix in SCAN_SUFFIXES)
+        name, _ = QFileDialog.getOpenFileName(
+            self._window, "Open scan", self._folder(), f"CT scans ({kinds});;All files (*)"
+        )
+        if name:
+            self.open_path(Path(name))
+
+    def ask_scan_folder(self) -> None:
+        """Let the person choose a folder of slices."""
+        name = QFileDialog.getExistingDirectory(self._window, "Open folder of slices", self._folder())
+        if name:
+            self.open_path(Path(name))
+
+    def ask_project(self) -> None:
+        """Let the person choose a project file."""
+        name, _ = QFileDialog.getOpenFileName(self._window, "Open project", self._folder(), PROJECT_FILTER)
+        if name:
+            self.open_path(Path(name))
+
+    def open_path(self, path: Path, voxel_size: str | None = None) -> None:
+        """Open a project, a scan or a folder of slices, whichever it is."""
+        if path.suffix.lower() == ".mbs":
+            self.leave_project(lambda: self._window.projects.open(path))
+        else:
+            self._window.scans.open(path, voxel_size)
+
+    def open_sample(self) -> None:
+        """Make the sample scan."""
+        self._window.scans.open_sample()
+
+    def new_project(self) -> None:
+        """Begin anew."""
+        self.leave_project(self._window.projects.new)
+
+    def save(self) -> None:
+        """Save to the project's file, or ask for one."""
+        path = self._window.workspace.project.path
+        if path is None:
+            self.save_as()
+        else:
+            self._window.projects.save(path)
+
+    def save_as(self, after: Any = None) -> None:
+        """Ask for a file and save to it."""
+        name, _ = QFileDialog.getSaveFileName(
+            self._window, "Save project", self._folder("sand.mbs"), PROJECT_FILTER
+        )
+        if name:
+            path = Path(name)
+            self._window.projects.save(path if path.suffix else path.with_suffix(".mbs"), after)
+
+    def ask_screenshot(self) -> None:
+        """Ask for a file and save the view to it."""
+        name, _ = QFileDialog.getSaveFileName(
+            self._window, "Save picture", self._folder("view.png"), "PNG picture (*.png)"
+        )
+        if name:
+            self.save_screenshot(Path(name))
+
+    def save_screenshot(self, path: Path) -> None:
+        """Save the 3-D view as a picture."""
+        from imageio.v3 import imwrite
+
+        path = path if path.suffix else path.with_suffix(".png")
+        try:
+            imwrite(path, self._window.viewport.picture())
+        except OSError as error:
+            self._window.messages.say("error", f"{path} cannot be written ({error}): choose another folder.")
+        else:
+            self._window.messages.say("success", f"Saved the view as {path}.")
+
+    def ask_labels(self) -> None:
+        """Let the person choose a label image."""
+        name, _ = QFileDialog.getOpenFileName(
+            self._window,
+            "Load labels",
+            self._folder(),
+            "Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha);;All files (*)",
+        )
+        if name:
+            self._window.grains.load(Path(name))
+
+    def ask_export_folder(self) -> None:
+        """Let the person choose where DEM files go."""
+        name = QFileDialog.getExistingDirectory(self._window, "Folder for the DEM files", self._folder())
+        if name:
+            self._window.panels_export.folder.setText(name)
+
+    def ask_about_scan(self, path: Path, why: str, raw: bool) -> None:
+        """Ask for what a scan file does not say."""
+        dialog = ScanDialog(path, why, raw, self._window)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.answered.connect(self._window.scans.open_answered)
+        dialog.open()
+
+    def leave_project(self, then: Any) -> None:
+        """Do `then` once unsaved work is saved or given up."""
+        if not (
+            self._window.ask_before_closing
+            and self._window.workspace.is_modified
+            and self._window.workspace.state.scan is not None
+        ):
+            then()
+            return
+        box = QMessageBox(self._window)
+        box.setIcon(QMessageBox.Icon.Question)
+        box.setText(f"Save the changes to “{self._window.workspace.title}”?")
+        box.setInformativeText("Otherwise the grains and avatars since the last save are lost.")
+        buttons = QMessageBox.StandardButton
+        box.setStandardButtons(buttons.Save | buttons.Discard | buttons.Cancel)
+        answer = box.exec()
+        if answer == buttons.Save:
+            path = self._window.workspace.project.path
+            if path is None:
+                self.save_as(after=then)
+            else:
+                self._window.projects.save(path, after=then)
+        elif answer == buttons.Discard:
+            then()
+
+    def _folder(self, name: str = "") -> str:
+        project = self._window.workspace.project.path
+        recent = self._window.workspace.recent
+        folder = project.parent if project else (recent[0].parent if recent else Path.home())
+        return str(folder / name)

@@ -1,0 +1,167 @@
+"""Where everything in the window stands: rail and panels left, view in the middle, table and curve below."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSettings, QSize, Qt
+from PySide6.QtWidgets import (
+    QDockWidget,
+    QFrame,
+    QHBoxLayout,
+    QMainWindow,
+    QMenu,
+    QStackedWidget,
+    QToolBar,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from mbstudio.scene import LAYERS
+from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.icons import Icons
+from mbstudio.ui.panels.export_panel import ExportPanel
+from mbstudio.ui.panels.fit_panel import FitPanel
+from mbstudio.ui.panels.grain_panel import GrainPanel
+from mbstudio.ui.panels.scan_panel import ScanPanel
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.viewport import Viewport
+from mbstudio.ui.widgets.forms import label
+from mbstudio.ui.widgets.grain_table import GrainTable
+from mbstudio.ui.widgets.message_bar import MessageBar
+from mbstudio.ui.widgets.plots import ConvergenceCurve
+from mbstudio.ui.widgets.rail import Rail
+from mbstudio.ui.widgets.welcome import Welcome
+from mbstudio.ui.window_commands import MENUS, STATIONS
+from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.workspace import Workspace
+
+
+class WindowLayout(QMainWindow):
+    """The window's widgets in their places; what they do is the main window's."""
+
+    settings: QSettings
+    theme: Theme
+    icons: Icons
+    workspace: Workspace
+    fits: FitWork
+    messages: MessageBar
+    viewport: Viewport
+    commands: CommandTable
+
+    def refresh(self) -> None:
+        """Bring commands, buttons and the title up to date."""
+        raise NotImplementedError
+
+    def _make_panels(self) -> None:
+        self.panels_scan = ScanPanel(self.workspace, self.theme)
+        self.panels_grains = GrainPanel(self.workspace, self.theme)
+        self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
+        self.panels_export = ExportPanel(self.workspace)
+        self.panels = {
+            "scan": self.panels_scan,
+            "grains": self.panels_grains,
+            "fit": self.panels_fit,
+            "export": self.panels_export,
+        }
+        self.rail = Rail(list(STATIONS), self.icons)
+        self._stack = QStackedWidget()
+        for panel in self.panels.values():
+            self._stack.addWidget(panel)
+        side = QWidget()
+        layout = QHBoxLayout(side)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addWidget(self.rail)
+        layout.addWidget(self._stack)
+        self.side_dock = self._dock("side", "Stations", side, Qt.DockWidgetArea.LeftDockWidgetArea)
+        self.side_dock.setTitleBarWidget(QWidget())
+        self.side_dock.setFeatures(QDockWidget.DockWidgetFeature.NoDockWidgetFeatures)
+        # The rail reaches down to the status bar; table and curve lie beside it.
+        self.setCorner(Qt.Corner.BottomLeftCorner, Qt.DockWidgetArea.LeftDockWidgetArea)
+
+    def _make_docks(self) -> None:
+        self.table = GrainTable()
+        self.curve = ConvergenceCurve(self.theme)
+        bottom = Qt.DockWidgetArea.BottomDockWidgetArea
+        self.table_dock = self._dock("table", "Grains", self.table, bottom)
+        self.curve_dock = self._dock("curve", "Convergence", self.curve, bottom)
+        self.splitDockWidget(self.table_dock, self.curve_dock, Qt.Orientation.Horizontal)
+        for dock in (self.table_dock, self.curve_dock):
+            dock.setTitleBarWidget(self._dock_title(dock))
+            # Never floating: what is undocked gets lost behind the window.
+            dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
+
+    def _dock(self, name: str, title: str, content: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
+        dock = QDockWidget(title, self)
+        dock.setObjectName(name)
+        dock.setWidget(content)
+        self.addDockWidget(area, dock)
+        return dock
+
+    def _dock_title(self, dock: QDockWidget) -> QWidget:
+        bar = QFrame()
+        bar.setObjectName("dock")
+        layout = QHBoxLayout(bar)
+        layout.setContentsMargins(14, 5, 8, 3)
+        layout.addWidget(label(dock.windowTitle(), "heading"), 1)
+        close = QToolButton()
+        self.icons.set(close, "ph.x")
+        close.setToolTip(f"Hide (menu View brings “{dock.windowTitle()}” back)")
+        close.setAccessibleName(f"Hide {dock.windowTitle()}")
+        close.clicked.connect(dock.hide)
+        close.clicked.connect(self.refresh)
+        layout.addWidget(close)
+        return bar
+
+    def _make_centre(self) -> None:
+        self.welcome = Welcome()
+        self._pages = QStackedWidget()
+        self._pages.addWidget(self.welcome)
+        self._pages.addWidget(self.viewport)
+        self.view_bar = QToolBar("View")
+        self.view_bar.setMovable(False)
+        self.view_bar.setIconSize(QSize(18, 18))
+        for names in (
+            ("scan.open", "project.save"),
+            ("edit.undo", "edit.redo"),
+            tuple(f"layer.{layer}" for layer in LAYERS),
+            ("view.fit", "view.screenshot"),
+        ):
+            for name in names:
+                self.view_bar.addAction(self.commands.action(name))
+                if name.startswith("layer."):
+                    button = self.view_bar.widgetForAction(self.commands.action(name))
+                    assert isinstance(button, QToolButton)
+                    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+            self.view_bar.addSeparator()
+        views = QToolButton()
+        self.icons.set(views, "ph.video-camera")
+        views.setToolTip("Look from …")
+        views.setAccessibleName("Camera presets")
+        views.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(views)
+        for command in self.commands:
+            if command.id.startswith("view.from_"):
+                menu.addAction(self.commands.action(command.id))
+        views.setMenu(menu)
+        self.view_bar.addWidget(views)
+        centre = QWidget()
+        centre.setObjectName("centre")
+        layout = QVBoxLayout(centre)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addWidget(self.view_bar)
+        layout.addWidget(self.messages)
+        layout.addWidget(self._pages, 1)
+        self.setCentralWidget(centre)
+
+    def _make_menus(self) -> None:
+        self._menus = {name: self.menuBar().addMenu(f"&{name}") for name in MENUS}
+        for command in self.commands:
+            menu = self._menus[command.menu]
+            if command.separated:
+                menu.addSeparator()
+            if command.id == "project.new":
+                self._recent_menu = menu.addMenu("Open recent")
+                menu.addSeparator()
+            menu.addAction(self.commands.action(command.id))
