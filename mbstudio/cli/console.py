@@ -80,7 +80,8 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
         table.add_column(name, justify="left" if index == 0 else "right")
     for row in rows:
         table.add_row(*(text(cell) for cell in row))
-    Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty(), highlight=False).print(table)
+    # In a file there is no edge of a screen at which to break lines.
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
 
 
 def print_facts(title: str, facts: Mapping[str, Any]) -> None:
@@ -89,7 +90,7 @@ def print_facts(title: str, facts: Mapping[str, Any]) -> None:
     for name, value in facts.items():
         table.add_row(f"  {name.replace('_', ' ')}", text(value))
     print(title)
-    Console(file=sys.stdout, soft_wrap=True, highlight=False, markup=False).print(table)
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
 
 
 def text(value: Any) -> str:

@@ -38,10 +38,7 @@ def fit(
         str, typer.Option("--method", help="'fast', or 'paper' for its algorithms to the letter.")
     ] = "fast",
     seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", help="Processes at work; as many as there are cores by default."),
-    ] = None,
+    workers: inputs.WorkersOption = None,
     grains: Annotated[
         str | None, typer.Option("--grains", metavar="3,5,9", help="Fit only these labels (1-20 is a range).")
     ] = None,

@@ -49,6 +49,9 @@ LabelsOption = Annotated[
 ScanOption = Annotated[
     Path | None, typer.Option("--scan", metavar="PATH", help="Where the project's scan lies now.")
 ]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", help="Processes at work; as many as there are cores by default.")
+]
 UnitOption = Annotated[
     str | None, typer.Option("--unit", help="Length unit of a mesh's numbers: nm, um, mm, cm or m.")
 ]

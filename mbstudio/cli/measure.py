@@ -4,30 +4,14 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.cli.measuring import FACTORS, measure_grains
 from mbstudio.core.errors import MbstudioError, MeasureError
 
-if TYPE_CHECKING:
-    from mbstudio.core.metrics import ShapeFactors
-    from mbstudio.core.project import Project
-
-FACTORS = (
-    "volume",
-    "area",
-    "sphericity",
-    "circularity",
-    "csf",
-    "dn",
-    "ds",
-    "dns",
-    "shortest",
-    "intermediate",
-    "longest",
-)
 ROWS_ON_SCREEN = 20
 
 
@@ -40,6 +24,7 @@ def measure(
     ] = None,
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only so many grains.")] = None,
     unit: inputs.UnitOption = None,
+    workers: inputs.WorkersOption = None,
     csv_file: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write one row a grain as CSV.")
     ] = None,
@@ -63,7 +48,7 @@ def measure(
     if project.grains is None:
         raise MeasureError(f"{source} holds no grains yet: find them with 'mbstudio segment' first.")
     labels = inputs.numbers_in(grains, "--grains") or sorted(project.fits) or project.grains.interior_labels
-    rows, failures = measure_grains(project, labels[:limit], unit)
+    rows, failures = measure_grains(project, labels[:limit], unit, workers)
     if csv_file is not None:
         write_csv(csv_file, rows)
     summary = summarise(rows)
@@ -97,41 +82,6 @@ def _measure_mesh(source: Path, unit: str | None, csv_file: Path | None, as_json
         console.print_json({"name": source.name, **factors})
     else:
         console.print_facts(f"Shape factors of {source.name}", factors)
-
-
-def measure_grains(
-    project: Project, labels: list[int], unit: str | None = None
-) -> tuple[list[dict[str, Any]], dict[int, str]]:
-    """Return one row a grain, and by label why others could not be measured.
-
-    A row holds ``label``, ``unit``, ``grain`` (its factors), and with an avatar also
-    ``avatar`` and ``relative_error`` (avatar over grain, minus one).
-    """
-    from mbstudio.core.metrics import measure as measure_body
-
-    rows: list[dict[str, Any]] = []
-    failures: dict[int, str] = {}
-    assert project.grains is not None
-    with console.progress("Measuring") as report:
-        for done, label in enumerate(labels, start=1):
-            try:
-                grain = measure_body(project.grains.grain(label), unit=unit)
-                row: dict[str, Any] = {"label": label, "unit": grain.unit, "grain": factors_of(grain)}
-                if label in project.fits:
-                    avatar = measure_body(project.fits[label].avatar, unit=grain.unit)
-                    row["avatar"] = factors_of(avatar)
-                    row["relative_error"] = {
-                        name: row["avatar"][name] / row["grain"][name] - 1 for name in FACTORS
-                    }
-                rows.append(row)
-            except MbstudioError as error:
-                failures[label] = str(error)
-            report(done / len(labels), f"{done} of {len(labels)} grains")
-    return rows, failures
-
-
-def factors_of(measured: ShapeFactors) -> dict[str, float]:
-    return {name: float(getattr(measured, name)) for name in FACTORS}
 
 
 def summarise(rows: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:

@@ -22,7 +22,7 @@ def tour(
     ] = Path("tour"),
     n: Annotated[int, typer.Option("-n", "--control-points", help="Control points of each avatar.")] = 40,
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="Fit only so many grains.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes at work.")] = None,
+    workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Go the whole way on the built-in sample scan: grains, avatars, factors, pictures, DEM files."""
@@ -114,9 +114,10 @@ class _Steps:
         self.summary.update(figures)
 
     def _measure(self, project: Any) -> None:
-        from mbstudio.cli.measure import measure_grains, summarise, write_csv
+        from mbstudio.cli.measure import summarise, write_csv
+        from mbstudio.cli.measuring import measure_grains
 
-        rows, _ = measure_grains(project, sorted(project.fits))
+        rows, _ = measure_grains(project, sorted(project.fits), workers=self.workers)
         write_csv(self.folder / "factors.csv", rows)
         for name, medians in summarise(rows).items():
             if name in ("sphericity", "circularity", "csf"):
