@@ -46,6 +46,7 @@ class FastOptions:
 
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
 _GOOD_SCORE = 0.15
+_MOST_MATCHED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +129,10 @@ class FastFit(StepRun):
             yield self._step(
                 last, note="" if self.generation < 0 else f"goes on with {self.n} control points"
             )
-        yield from self._descend(generations, last)
+        # The last generation is kept for the volume.
+        yield from self._descend(max(1, generations - 1), last)
+        if generations > 1 and self._match_volume():
+            yield self._step(last, note="all weights scaled a little to match the volume of the voxels")
         yield from self._guarded(last)
 
     def _descend(self, count: int, last: int) -> Iterator[SearchStep]:
@@ -149,6 +153,20 @@ class FastFit(StepRun):
                 checked = self._rms[-1]
                 if idle >= 2 or (checked < noise and gain < settings.least_gain_in_noise):
                     return
+
+    def _match_volume(self) -> bool:
+        """Take away a small volume error that the search left, by one factor on all weights."""
+        assert self._refinement is not None
+        assert self.prepared is not None
+        control = self._refinement.control.copy()
+        for _ in range(2):
+            volume, _ = volume_and_area(control)
+            ratio = volume / self.prepared.volume
+            if abs(ratio - 1) > _MOST_MATCHED:  # more would only hide a wrong shape
+                return False
+            control[3] *= ratio ** (-2 / 3)  # of a sphere, V goes with k**(3/2)
+        self._refinement.control = control
+        return True
 
     def _guarded(self, last: int) -> Iterator[SearchStep]:
         """Yield further steps until the avatar is one piece without a void, by ever stronger means."""

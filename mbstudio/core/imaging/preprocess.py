@@ -19,6 +19,7 @@ from mbstudio.core.metaball.avatar import Avatar
 
 PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
+_SMOOTHING_OF_BLOCKS = 0.5  # block averages are smooth already: more only rounds the edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,14 +131,14 @@ def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, in
 
 
 def _hull_points(
-    share: np.ndarray, spacing: np.ndarray, diameter: float, count: int, rng: np.random.Generator
+    share: np.ndarray, spacing: np.ndarray, smoothing: float, count: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Return points (x, y, z), relative to the first voxel, spread evenly over the smoothed surface."""
     from scipy.ndimage import gaussian_filter
     from skimage.measure import marching_cubes
 
     # One smoothing length for all axes: voxels of different edges get different sigmas.
-    sigma = (1.0 if diameter >= _SMALL_DIAMETER else 0.6) * np.cbrt(spacing.prod()) / spacing[::-1]
+    sigma = smoothing * np.cbrt(spacing.prod()) / spacing[::-1]
     smooth = gaussian_filter(share, sigma, truncate=3.0)
     if smooth.max() <= 0.5:  # a grain of one or two voxels vanishes under the filter
         smooth = share
@@ -193,7 +194,11 @@ def prepare(
     np.negative(distance, out=distance, where=~mask)
 
     count = int(np.count_nonzero(mask))
-    hull = _hull_points(share, spacing, float(np.cbrt(6 * count / np.pi)), hull_points, rng)
+    if max(blocks) > 1:
+        smoothing = _SMOOTHING_OF_BLOCKS
+    else:
+        smoothing = 1.0 if np.cbrt(6 * count / np.pi) >= _SMALL_DIAMETER else 0.6
+    hull = _hull_points(share, spacing, smoothing, hull_points, rng)
     middle = hull.mean(axis=0)
     scale = float(np.sqrt(((hull - middle) ** 2).sum(axis=1).mean()))
 
