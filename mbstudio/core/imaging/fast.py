@@ -131,8 +131,11 @@ class FastFit(StepRun):
             )
         # The last generation is kept for the volume.
         yield from self._descend(max(1, generations - 1), last)
-        if generations > 1 and self._match_volume():
-            yield self._step(last, note="all weights scaled a little to match the volume of the voxels")
+        if generations > 1:
+            if self._match_volume():
+                yield self._step(last, note="all weights scaled a little to match the volume of the voxels")
+            elif self.generation < last:
+                yield from self._descend(1, last)
         yield from self._guarded(last)
 
     def _descend(self, count: int, last: int) -> Iterator[SearchStep]:
