@@ -26,6 +26,7 @@ def slices_figure(
     scan: Scan, grains: GrainSet | None = None, theme: SceneTheme = LIGHT
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Draw the middle slice across each axis to scale, the grains outlined, with a scale bar."""
+    from matplotlib import patheffects
     from matplotlib.figure import Figure
 
     window = grey_window(scan)
@@ -46,9 +47,23 @@ def slices_figure(
         axes.set_ylabel(up, color=theme.ink)
         bar = round_length(0.25 * width)
         right, low = 0.95 * width, 0.05 * height
-        axes.plot([right - bar, right], [low, low], color="white", linewidth=4, solid_capstyle="butt")
+        # A dark rim keeps bar and words to be seen on bright grains.
+        rim = [patheffects.withStroke(linewidth=6.5, foreground="black")]
+        axes.plot(
+            [right - bar, right],
+            [low, low],
+            color="white",
+            linewidth=4,
+            solid_capstyle="butt",
+            path_effects=rim,
+        )
         axes.text(
-            right - bar / 2, low + 0.02 * height, readable_length(bar, scan.unit), color="white", ha="center"
+            right - bar / 2,
+            low + 0.02 * height,
+            readable_length(bar, scan.unit),
+            color="white",
+            ha="center",
+            path_effects=[patheffects.withStroke(linewidth=2.5, foreground="black")],
         )
     return _drawn(figure)
 

@@ -93,7 +93,7 @@ def render_grain_and_avatar(
     shown: list[tuple[set[Layer], dict[Layer, float]]] = [
         ({"grain"}, {"grain": 1.0}),
         ({"avatar", "points"}, {"avatar": 0.5}),
-        ({"grain", "avatar"}, {"grain": 0.45, "avatar": 1.0}),
+        ({"grain", "avatar"}, {"grain": 0.6, "avatar": 1.0}),
     ]
     images = []
     try:

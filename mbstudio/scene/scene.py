@@ -53,7 +53,7 @@ class Scene:
         self.selected: int | None = None
         self._scan: Scan | None = None
         self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
-        self._opacity: dict[Layer, float] = {"grain": 0.45, "avatar": 1.0, "points": 1.0}
+        self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0, "points": 1.0}
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
         self._renderer: Any = plotter.renderer

@@ -359,7 +359,7 @@ class MainWindow(WindowLayout):
         if geometry is None or not self.restoreGeometry(geometry):
             self.resize(1440, 900)
         self.resizeDocks([self.table_dock], [230], Qt.Orientation.Vertical)
-        self.resizeDocks([self.table_dock, self.curve_dock], [600, 360], Qt.Orientation.Horizontal)
+        self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
 
     # ---- drag and drop ---------------------------------------------------------------------------
 

@@ -84,7 +84,7 @@ class ViewLink(QObject):
             "export": {"avatars"},
         }
         self._factors: dict[int, ShapeFactors] = {}
-        self._opacity: dict[Layer, float] = {"grain": 0.45, "avatar": 1.0}
+        self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
         self._shown_grain: int | None = None
         workspace.scan_changed.connect(self._scan_changed)

@@ -24,6 +24,7 @@ from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.view_commands import STATIONS
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.grain_table import GrainTable
@@ -31,7 +32,7 @@ from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.plots import ConvergenceCurve
 from mbstudio.ui.widgets.rail import Rail
 from mbstudio.ui.widgets.welcome import Welcome
-from mbstudio.ui.window_commands import MENUS, STATIONS
+from mbstudio.ui.window_commands import MENUS
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.workspace import Workspace
 

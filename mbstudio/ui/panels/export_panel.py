@@ -164,8 +164,8 @@ class ExportPanel(Panel):
         target = targets()[self.target_name]
         self._density_row.setVisible(target.needs_density)
         self.unit.clear()
-        default = f" ({unit_label(target.default_unit)})" if target.default_unit else ""
-        self.unit.addItem(f"The target's own{default}" if default else "As in the scan", None)
+        usual = f"Usual ({unit_label(target.default_unit)})" if target.default_unit else "As in the scan"
+        self.unit.addItem(usual, None)
         for unit in UNITS:
             self.unit.addItem(unit_label(unit), unit)
         empty(self._options_layout)

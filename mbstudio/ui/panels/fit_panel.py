@@ -78,7 +78,7 @@ class FitPanel(Panel):
         self.factors = FactorsTable()
         self.add(self._reasons, self.factors)
         self.grain_opacity = NumberSlider(
-            "Grain", 0, 1, 0.45, 0.01, "{:.0%}", "Opacity of the grain's surface"
+            "Grain", 0, 1, 0.6, 0.01, "{:.0%}", "Opacity of the grain's surface"
         )
         self.avatar_opacity = NumberSlider(
             "Avatar", 0, 1, 1.0, 0.01, "{:.0%}", "Opacity of the avatar's surface"
