@@ -29,7 +29,7 @@ def tour(
     from mbstudio.scene.offscreen import prepare_offscreen_rendering
 
     prepare_offscreen_rendering()
-    _prepare_folder(folder)
+    prepare_folder(folder)
     steps = _Steps(folder, n, limit, workers)
     summary = steps.run()
     if as_json:
@@ -40,7 +40,8 @@ def tour(
     print(f"Look at the project in the window with: mbstudio gui {folder / 'sample.mbs'}")
 
 
-def _prepare_folder(folder: Path) -> None:
+def prepare_folder(folder: Path) -> None:
+    """Make the folder; refuse one that holds what the tour does not write."""
     if folder.exists() and not folder.is_dir():
         raise MbstudioError(f"{folder} is a file: give the name of a folder with --out.")
     if folder.is_dir():
