@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from imaging_shapes import EGG_AXES, cut_box, ellipsoid, grain_where
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.units import VoxelSize
+from tests.core.imaging.imaging_shapes import EGG_AXES, cut_box, ellipsoid, grain_where
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from imaging_shapes import CENTER, EGG_AXES, ellipsoid, grain_where
 
 import mbstudio as mb
 from mbstudio.core.errors import FitError
@@ -12,6 +11,7 @@ from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit, start_fit
 from mbstudio.core.metaball.topology import topology
 from mbstudio.core.units import VoxelSize
+from tests.core.imaging.imaging_shapes import CENTER, EGG_AXES, ellipsoid, grain_where
 
 EGG = 4 / 3 * np.pi * float(np.prod(EGG_AXES))
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from imaging_shapes import CENTER, EGG_AXES, ellipsoid, grain_where
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging.preprocess import prepare
 from mbstudio.core.units import VoxelSize
+from tests.core.imaging.imaging_shapes import CENTER, EGG_AXES, ellipsoid, grain_where
 
 
 def in_grain(prepared, points: np.ndarray) -> np.ndarray:
