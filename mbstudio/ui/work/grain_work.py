@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from types import MappingProxyType
 
-from mbstudio.core.grains import GrainSet, load_labels, segment
+from mbstudio.core.batch.segmenting import segment_in_process
+from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task
@@ -21,7 +22,7 @@ class GrainWork(Work):
             return None
 
         def work(control: Control) -> GrainSet:
-            return segment(scan, settings, progress=control.progress)
+            return segment_in_process(scan, settings, progress=control.progress)
 
         task = Task("Finding grains", work)
         task.succeeded.connect(lambda grains: self._take(scan, grains, settings))
