@@ -148,7 +148,8 @@ def sand(workers: int = 2) -> None:
     rms = [item.result.verdict.rms / diameters[item.label] for item in items if item.result is not None]
     print(
         "\n### Real sand scan, every interior grain, n = 40\n\n"
-        "| grains | fitted | pieces > 1 | voids | points outside | not valid | abs dV % median, 95th percentile "
+        "| grains | fitted | pieces > 1 | voids | points outside | not valid "
+        "| abs dV % median, 95th percentile "
         "| rms % of D_n median, 95th | wall s | CPU s | grains per CPU s | MiB a process, caller |\n"
         "|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         f"| {len(items)} | {len(verdicts)} | {sum(v.pieces > 1 for v in verdicts)} "

@@ -17,6 +17,7 @@ from mbstudio.core.imaging.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally
 from mbstudio.core.imaging.steps import SearchStep, Verdict
+from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area
 from mbstudio.core.metaball.topology import Topology, topology
 from mbstudio.core.metaball.validity import check
@@ -163,7 +164,7 @@ class FastFit(StepRun):
         assert self.prepared is not None
         control = self._refinement.control.copy()
         for _ in range(2):
-            volume, _ = volume_and_area(control)
+            volume, _ = volume_and_area(control, cells=40, bounds=solid_bounds(control, rounds=1))
             ratio = volume / self.prepared.volume
             if abs(ratio - 1) > _MOST_MATCHED:  # more would only hide a wrong shape
                 return False

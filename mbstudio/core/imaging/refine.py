@@ -165,7 +165,7 @@ class Refinement:
         self._measure_volume()
 
     def _measure_volume(self) -> None:
-        volume, area = volume_and_area(self.control, cells=40, bounds=solid_bounds(self.control, rounds=1))
+        volume, area = volume_and_area(self.control, cells=32, bounds=solid_bounds(self.control, rounds=1))
         self.volume_error = volume / self.prepared.volume - 1.0
         displacement = (volume - self.prepared.volume) / max(area, 1e-12)
         residual, _ = self._surface_rows(self.control.astype(np.float32), None)

@@ -66,7 +66,7 @@ def check(
     found = found or topology(avatar.control, cells)
     volume_error, counted = float("nan"), 0
     if grain is not None:
-        volume, _ = volume_and_area(avatar.control, cells)
+        volume, _ = volume_and_area(avatar.control, max(cells - 16, 40))
         volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / grain.volume - 1.0
         counted = points_outside(avatar, grain) if outside is None else outside
     cure = f"n too small for this shape: try {2 * avatar.n}"
