@@ -168,9 +168,7 @@ def provide_system_libraries(kind: str, *, install: bool) -> None:
     lacking = [need for need in missing if is_needed(need)]
     if lacking:
         names = ", ".join(need.name for need in lacking)
-        raise SetUpError(
-            f"the system lacks {names}. Run this, then start again:\n\n    {advice(missing)}\n"
-        )
+        raise SetUpError(f"the system lacks {names}. Run this, then start again:\n\n    {advice(missing)}\n")
     without = [need for need in missing if need.optional]
     if without:
         say(f"without {', '.join(need.name for need in without)} some tests are skipped. To run them all:")
@@ -196,8 +194,9 @@ def install_packages(missing: Sequence[Need]) -> None:
         return
     say(f"installing system packages: {' '.join(known)}")
     command = [*install_command(known), "-qq", "-o", "DPkg::Lock::Timeout=300"]
-    if subprocess.run(command, env=environment, stdout=sys.stderr).returncode:
-        say("apt-get install failed, see above.")
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        say(f"apt-get install failed:\n{done.stdout}{done.stderr}")
 
 
 # ---------------------------------------------------------------- the virtual environment

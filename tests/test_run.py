@@ -295,7 +295,7 @@ def system(run, monkeypatch):
             return subprocess.CompletedProcess(command, 100 if "liggghts" in command else 0)
         if "install" in command:
             lacking.difference_update({"libGL.so.1"} if "libgl1" in command else set())
-        return subprocess.CompletedProcess(command, 0)
+        return subprocess.CompletedProcess(command, 0, "", "")
 
     monkeypatch.setattr(run.subprocess, "run", fake_run)
     return commands
