@@ -120,7 +120,8 @@ class VoxelSize:
             raise UnitError(
                 f"The voxel size '{size}' has {len(edges)} values: give one, or three in the order z, y, x."
             )
-        return cls(*edges, unit=unit)
+        z, y, x = edges
+        return cls(z, y, x, unit)
 
     @property
     def zyx(self) -> tuple[float, float, float]:
