@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 import queue
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, BinaryIO, cast
 
 import numpy as np
 
-from mbstudio.core.batch.worker import Task, receive, run_task, send
+from mbstudio.core.batch.messages import child_command, child_environment
+from mbstudio.core.batch.worker import receive_answer, run_task, send_task
 from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
@@ -23,6 +22,7 @@ from mbstudio.core.imaging.steps import FitResult, Method
 _ONE_THREAD = {
     "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
 }  # fmt: skip
+_Answer = tuple[FitResult | None, str | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,22 +181,16 @@ class _Worker:
     """One process and the pipes to it."""
 
     def __init__(self) -> None:
-        import mbstudio
-
-        root = str(Path(mbstudio.__file__).resolve().parent.parent)
-        paths = os.pathsep.join(path for path in (root, os.environ.get("PYTHONPATH", "")) if path)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", "from mbstudio.core.batch.worker import serve; serve()"],
+            child_command("mbstudio.core.batch.worker"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, **_ONE_THREAD, "PYTHONPATH": paths},
+            env=child_environment(**_ONE_THREAD),
         )
 
-    def fit(self, task: Task) -> tuple[FitResult | None, str | None]:
-        send(cast(BinaryIO, self._process.stdin), task)
-        result, error = receive(cast(BinaryIO, self._process.stdout))
-        # Rebuilt, so that its arrays are read-only again.
-        return (replace(result, avatar=replace(result.avatar)) if result is not None else None), error
+    def fit(self, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]) -> _Answer:
+        send_task(cast(BinaryIO, self._process.stdin), grain, n, method, seed, options)
+        return receive_answer(cast(BinaryIO, self._process.stdout))
 
     def kill(self) -> None:
         """End the process without waiting for its grain."""
@@ -208,9 +202,7 @@ class _Worker:
             if pipe is not None:
                 try:
                     pipe.close()
-                except (
-                    BrokenPipeError
-                ):  # it died with a message half sent: nothing is lost that was not lost before
+                except BrokenPipeError:  # it died with a message half sent: that grain is lost anyway
                     continue
         return self._process.wait()
 
@@ -262,8 +254,8 @@ class _Crew:
                 try:
                     grain = self.tasks.grain(label)
                     seed = grain_seed(self.tasks.seed, label)
-                    task = Task.of(grain, self.tasks.n, self.tasks.method, seed, self.tasks.options)
-                    item = BatchItem(label, *worker.fit(task))
+                    tasks = self.tasks
+                    item = BatchItem(label, *worker.fit(grain, tasks.n, tasks.method, seed, tasks.options))
                 except MbstudioError as error:
                     item = BatchItem(label, None, str(error))
                 except (EOFError, OSError):

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core import errors
+from mbstudio.core.batch.messages import child_command, child_environment
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.segmentation import Progress, SegmentationSettings, segment
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
 _ASK_EVERY = 0.1  # seconds between two looks at whether the caller has cancelled
-_SERVE = "from mbstudio.core.batch.segmenting import serve; serve()"
 
 
 def segment_in_process(
@@ -58,7 +58,8 @@ def segment_in_process(
         _write_request(scan, settings or SegmentationSettings(), folder)
         with (folder / "complaints.txt").open("wb") as complaints:
             process = subprocess.Popen(
-                [sys.executable, "-P", "-c", _SERVE, str(folder)],
+                [*child_command("mbstudio.core.batch.segmenting"), str(folder)],
+                env=child_environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=complaints,

@@ -1,81 +1,92 @@
 """The process that fits one grain after another for :func:`mbstudio.core.batch.fit_many`.
 
-It talks in length-prefixed pickles over its standard input and output, so that it needs nothing
-of the caller's ``__main__`` and works from a window's thread, a test or a bare script alike.
+It talks over its standard input and output, so that it needs nothing of the caller's
+``__main__`` and works from a window's thread, a test or a bare script alike.
 """
 
 from __future__ import annotations
 
-import pickle
-import struct
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import Any, BinaryIO
 
 import numpy as np
 
+from mbstudio.core.batch.messages import receive, send
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.grains.grain import Grain
-from mbstudio.core.imaging.steps import FitResult
+from mbstudio.core.imaging.steps import FitResult, Verdict
+from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import VoxelSize
 
-_HEADER = struct.Struct("<Q")
+
+def send_task(
+    stream: BinaryIO, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]
+) -> None:
+    """Ask for one fit; the mask travels as packed bits."""
+    mask = np.asarray(grain.mask).astype(bool)
+    head = {
+        "shape": mask.shape,
+        "voxel_size": asdict(grain.voxel_size),
+        "origin": grain.origin,
+        "label": grain.label,
+        "touches_border": grain.touches_border,
+        "name": grain.name,
+        "n": n,
+        "method": method,
+        "seed": seed,
+        "options": dict(options),
+    }
+    send(stream, head, {"bits": np.packbits(mask)})
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
-    """One grain to fit: its mask as packed bits, and what to do with it."""
-
-    bits: bytes
-    shape: tuple[int, int, int]
-    voxel_size: VoxelSize
-    origin: tuple[float, float, float]
-    label: int | None
-    touches_border: bool
-    name: str
-    n: int
-    method: str
-    seed: int
-    options: dict[str, Any]
-
-    @classmethod
-    def of(cls, grain: Grain, n: int, method: str, seed: int, options: dict[str, Any]) -> Task:
-        mask = np.asarray(grain.mask).astype(bool)
-        shape = (mask.shape[0], mask.shape[1], mask.shape[2])
-        return cls(
-            np.packbits(mask).tobytes(), shape, grain.voxel_size, grain.origin, grain.label,
-            grain.touches_border, grain.name, n, method, seed, options,
-        )  # fmt: skip
-
-    def grain(self) -> Grain:
-        bits = np.unpackbits(np.frombuffer(self.bits, dtype=np.uint8), count=int(np.prod(self.shape)))
-        return Grain(
-            bits.reshape(self.shape).astype(bool),
-            self.voxel_size,
-            self.origin,
-            self.label,
-            self.touches_border,
-            self.name,
-        )
+def _grain_of(head: dict[str, Any], bits: np.ndarray) -> Grain:
+    shape = tuple(head["shape"])
+    mask = np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)
+    return Grain(
+        mask,
+        VoxelSize(**head["voxel_size"]),
+        tuple(head["origin"]),
+        head["label"],
+        head["touches_border"],
+        head["name"],
+    )
 
 
-def send(stream: BinaryIO, message: object) -> None:
-    """Write one message to a pipe."""
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    stream.write(_HEADER.pack(len(data)))
-    stream.write(data)
-    stream.flush()
+def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
+    """Read the result of one fit, or why there is none."""
+    head, arrays = receive(stream)
+    if head["error"] is not None:
+        return None, head["error"]
+    avatar = Avatar(arrays["centers"], arrays["weights"], head["unit"], head["label"], head["name"])
+    verdict = Verdict(**{**head["verdict"], "reasons": tuple(head["verdict"]["reasons"])})
+    return FitResult(
+        avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"]
+    ), None
 
 
-def receive(stream: BinaryIO) -> Any:
-    """Read one message from a pipe; EOFError where the other side has gone."""
-    header = stream.read(_HEADER.size)
-    if len(header) < _HEADER.size:
-        raise EOFError("the other side has gone")
-    (size,) = _HEADER.unpack(header)
-    data = stream.read(size)
-    if len(data) < size:
-        raise EOFError("the other side has gone")
-    return pickle.loads(data)
+def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) -> None:
+    if result is None:
+        send(stream, {"error": error})
+        return
+    avatar = result.avatar
+    head = {
+        "error": None,
+        "unit": avatar.unit,
+        "label": avatar.label,
+        "name": avatar.name,
+        "verdict": asdict(result.verdict),
+        "method": result.method,
+        "n": result.n,
+        "seed": result.seed,
+    }
+    arrays = {
+        "centers": avatar.centers,
+        "weights": avatar.weights,
+        "history": result.history,
+        "rms_history": result.rms_history,
+    }
+    send(stream, head, arrays)
 
 
 def run_task(
@@ -114,7 +125,8 @@ def serve() -> None:
     requests = sys.stdin.buffer
     while True:
         try:
-            task = receive(requests)
+            head, arrays = receive(requests)
         except EOFError:
             return
-        send(answers, run_task(task.grain(), task.n, task.method, task.seed, task.options))
+        grain = _grain_of(head, arrays["bits"])
+        _send_answer(answers, *run_task(grain, head["n"], head["method"], head["seed"], head["options"]))

@@ -129,11 +129,11 @@ def test_closing_ends_the_processes(grains: list[Grain]) -> None:
 def test_a_dead_process_costs_its_grain_only(grains: list[Grain], monkeypatch: pytest.MonkeyPatch) -> None:
     real, killed = crew._Worker.fit, []
 
-    def fit_or_die(self, task):
-        if task.label == 13:
-            killed.append(task.label)
+    def fit_or_die(self, grain, *how):
+        if grain.label == 13:
+            killed.append(grain.label)
             self.kill()
-        return real(self, task)
+        return real(self, grain, *how)
 
     monkeypatch.setattr(crew._Worker, "fit", fit_or_die)
     items = by_label(fit_many(grains, n=8, workers=1))
