@@ -93,10 +93,11 @@ def fit(
 
     chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
     outcome = fit_into(project, chosen, workers)
-    project.save(output, embed_scan=True if embed_scan else None)
+    if outcome.fits or not chosen or not output.exists():  # a file of avatars must not give way to none
+        project.save(output, embed_scan=True if embed_scan else None)
 
     summary = summarise(project.grains, outcome.fits, outcome.failures, time.monotonic() - begun)
-    summary["project"] = str(output)
+    summary["project"] = str(output) if output.exists() else None
     if as_json:
         console.print_json({**summary, "failures": outcome.failures, "interrupted": outcome.interrupted})
     else:

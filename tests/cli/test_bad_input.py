@@ -143,6 +143,18 @@ def test_an_impossible_number_of_control_points(mbstudio, fitted_project, tmp_pa
     assert fitted_project.read_bytes() == before
 
 
+def test_a_project_of_avatars_does_not_give_way_to_one_without(mbstudio, fitted_project, tmp_path):
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.ply")
+    (tmp_path / "kept.mbs").write_bytes(fitted_project.read_bytes())
+    ran = mbstudio(
+        "fit", tmp_path / "ball.ply", "--unit", "mm", "--resolution", 12, "-n", 5_000, "--workers", 0,
+        "-o", tmp_path / "kept.mbs",
+    )  # fmt: skip
+    assert ran.code == 1
+    assert "5000" in ran.err
+    assert (tmp_path / "kept.mbs").read_bytes() == fitted_project.read_bytes()
+
+
 def test_labels_that_are_not_there(mbstudio, fitted_project, tmp_path):
     assert_one_message(mbstudio("fit", fitted_project, "--grains", 77, "-o", tmp_path / "a.mbs"), "77")
     assert_one_message(mbstudio("fit", fitted_project, "--grains", "x", "-o", tmp_path / "a.mbs"), "--grains")
