@@ -11,6 +11,7 @@ import ctypes
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -117,3 +118,22 @@ def small_scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scan") / "small.tif"
     tifffile.imwrite(path, scan.clip(0, 65535).astype(np.uint16), photometric="minisblack")
     return path
+
+
+@pytest.fixture
+def read_only_folder(tmp_path: Path) -> Iterator[Path]:
+    """A folder in which nothing can be made, not even by root, to whom permissions mean nothing."""
+    folder = tmp_path / "read-only"
+    folder.mkdir()
+    folder.chmod(0o500)
+    # Root cannot write into the kernel's own files, where they are mounted.
+    for candidate in (folder, Path("/sys/kernel")):
+        try:
+            (candidate / "trial").touch()
+        except OSError:
+            yield candidate
+            break
+        (candidate / "trial").unlink()
+    else:
+        pytest.skip("no folder here is read-only for this user")
+    folder.chmod(0o700)

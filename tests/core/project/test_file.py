@@ -210,17 +210,9 @@ def test_a_disk_that_is_really_full(tmp_path, limit):
     assert [entry.name for entry in tmp_path.iterdir()] == ["sand.mbs"]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="folders are not made read-only that way on Windows")
-def test_a_read_only_folder(tmp_path):
-    folder = tmp_path / "kept"
-    folder.mkdir()
-    folder.chmod(0o500)
-    if os.access(folder, os.W_OK):  # root writes anywhere but into the kernel's own files
-        folder = Path("/sys/kernel")
-        if not folder.is_dir():
-            pytest.skip("no folder here is read-only for root")
+def test_a_read_only_folder(read_only_folder):
     with pytest.raises(ProjectError, match=r"sand\.mbs cannot be saved"):
-        write_project(folder / "sand.mbs", ProjectState())
+        write_project(read_only_folder / "sand.mbs", ProjectState())
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no permission bits")
