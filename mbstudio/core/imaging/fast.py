@@ -14,8 +14,8 @@ from mbstudio.core.imaging.guard import ITERATIONS_PER_ROUND, MOST_ROUNDS, force
 from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
-from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
-from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally
+from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
+from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.imaging.steps import SearchStep, Verdict
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area
@@ -83,15 +83,10 @@ class FastFit(StepRun):
     def _spheres(self, n: int) -> Iterator[Sphere]:
         # All at once: they take milliseconds, and a grain that is too small says so before the first step.
         assert self.prepared is not None
-        prepared = self.prepared
-        transform = prepared.distance + np.float32(0.5 * prepared.voxel)
-        found = list(cluster_incrementally(transform, prepared.spacing, n, prepared.voxel))
+        found = clustered(self.prepared, n)
         if len(found) < n:
             raise TooManyControlPoints(self.grain, n, len(found))
         return iter(found)
-
-    def _check_capacity(self, n: int) -> None:
-        self._spheres(n)
 
     def _start(self, spheres: list[Sphere]) -> None:
         assert self.prepared is not None

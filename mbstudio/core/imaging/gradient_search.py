@@ -21,8 +21,8 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
-from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
-from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally, cluster_to_the_letter
+from mbstudio.core.imaging.run import StepRun, clustered
+from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_overlapping, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_at
 
@@ -178,19 +178,16 @@ class PaperFit(StepRun):
 
     def _spheres(self, n: int) -> Iterator[Sphere]:
         assert self.prepared is not None
-        if self.options.clustering == "letter":
-            return cluster_to_the_letter(self.prepared.mask, self.prepared.spacing, n)
-        return self._incremental(n)
-
-    def _incremental(self, n: int) -> Iterator[Sphere]:
-        assert self.prepared is not None
-        transform = self.prepared.distance + np.float32(0.5 * self.prepared.voxel)
-        return cluster_incrementally(transform, self.prepared.spacing, n, self.prepared.voxel)
-
-    def _check_capacity(self, n: int) -> None:
-        found = sum(1 for _ in self._incremental(n))
-        if found < n:
-            raise TooManyControlPoints(self.grain, n, found)
+        if self.options.clustering == "incremental":
+            yield from clustered(self.prepared, n)
+            return
+        found = []
+        for sphere in cluster_to_the_letter(self.prepared.mask, self.prepared.spacing, n):
+            found.append(sphere)
+            yield sphere
+        if len(found) < n:  # the algorithm has used up the grain; the paper does not say what then
+            transform = self.prepared.distance + np.float32(0.5 * self.prepared.voxel)
+            yield from cluster_overlapping(transform, self.prepared.spacing, found, n, self.prepared.voxel)
 
     def _start(self, spheres: list[Sphere]) -> None:
         assert self.prepared is not None

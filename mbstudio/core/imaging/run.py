@@ -11,18 +11,23 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
-from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally
+from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep, Verdict
 from mbstudio.core.metaball.avatar import Avatar
 
 
+def clustered(prepared: PreparedGrain, n: int) -> list[Sphere]:
+    """Return up to `n` spheres: as many as do not overlap, then overlapping ones."""
+    transform = prepared.distance + np.float32(0.5 * prepared.voxel)
+    found = list(cluster_incrementally(transform, prepared.spacing, n, prepared.voxel))
+    if len(found) < n:
+        found += cluster_overlapping(transform, prepared.spacing, found, n, prepared.voxel)
+    return found
+
+
 def greatest_number(grain: Grain) -> int:
     """Return how many control points sphere clustering can place in a grain."""
-    prepared = prepare(grain)
-    transform = prepared.distance + np.float32(0.5 * prepared.voxel)
-    return sum(
-        1 for _ in cluster_incrementally(transform, prepared.spacing, grain.voxel_count, prepared.voxel)
-    )
+    return len(clustered(prepare(grain), grain.voxel_count))
 
 
 def checked_number(n: int, grain: Grain) -> int:
@@ -156,7 +161,10 @@ class StepRun:
         raise NotImplementedError
 
     def _check_capacity(self, n: int) -> None:
-        raise NotImplementedError
+        assert self.prepared is not None
+        found = len(clustered(self.prepared, n))
+        if found < n:
+            raise TooManyControlPoints(self.grain, n, found)
 
     def _judge(self) -> Verdict:
         from mbstudio.core.imaging.guard import lies_outside

@@ -1,17 +1,20 @@
 """Sphere clustering (Algorithm 1): the largest inscribed spheres that do not overlap.
 
 Both ways are generators of :class:`Sphere`, one a step. They end early when every voxel of the
-grain lies in a sphere: no further sphere exists.
+grain lies in a sphere, as in a ball: :func:`cluster_overlapping` then goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from numba import njit
+
+# Shares of its radius with which a sphere counts where spheres may overlap.
+_SHARES = (0.5, 0.25)
 
 
 class Sphere(NamedTuple):
@@ -131,11 +134,57 @@ def cluster_incrementally(
     agree within the rounding of a sphere to voxels.
     """
     # A voxel exactly on a sphere is still free, as in Algorithm 1; one outside the grain never is.
-    left = np.where(distance > 0, distance, -np.inf).astype(np.float32)
     least = -1e-3 * float(np.min(spacing))
+    yield from _largest_free(distance, spacing, (), n, smallest, 1.0, least)
+
+
+def cluster_overlapping(
+    distance: Float32[np.ndarray, "Z Y X"],
+    spacing: Float64[np.ndarray, "3"],
+    found: Sequence[Sphere],
+    n: int,
+    smallest: float,
+) -> Iterator[Sphere]:
+    """Yield further spheres, up to `n` with those found: they may reach into the others' outer parts.
+
+    A rounded body is used up by a few spheres that do not overlap (a ball by one), though it can
+    hold more control points. Every sphere now counts with a half, then a quarter of its radius.
+
+    Parameters
+    ----------
+    distance, spacing, smallest : as in :func:`cluster_incrementally`
+    found : sequence of Sphere
+        The spheres that do not overlap.
+    n : int
+    """
+    spheres = list(found)
+    for share in _SHARES:
+        more = _largest_free(
+            distance, spacing, spheres, n - len(spheres), smallest, share, 0.9 * float(np.min(spacing))
+        )
+        added = []
+        for sphere in more:
+            added.append(sphere)
+            yield sphere
+        spheres += added
+        if len(spheres) >= n:
+            return
+
+
+def _largest_free(
+    distance: np.ndarray, spacing: np.ndarray, taken: Sequence[Sphere], n: int, smallest: float, share: float,
+    least: float,
+) -> Iterator[Sphere]:  # fmt: skip
+    """Yield the largest spheres that keep clear of `share` of the radius of every other.
+
+    They end where no voxel is farther than `least` from the others.
+    """
+    left = np.where(distance > 0, distance, -np.inf).astype(np.float32)
     best = np.empty(left.shape[:2], dtype=np.float32)
     place = np.empty(left.shape[:2], dtype=np.int64)
     _row_maxima(left, best, place)
+    for sphere in taken:
+        _take_ball(left, best, place, *sphere.voxel, share * sphere.radius, spacing, least)
     for _ in range(n):
         row = int(best.argmax())
         iz, iy = divmod(row, left.shape[1])
@@ -143,5 +192,5 @@ def cluster_incrementally(
             return
         ix = int(place[iz, iy])
         radius = max(float(best[iz, iy]), smallest)
-        _take_ball(left, best, place, iz, iy, ix, radius, spacing, least)
+        _take_ball(left, best, place, iz, iy, ix, share * radius, spacing, least)
         yield Sphere((iz, iy, ix), radius)

@@ -181,6 +181,21 @@ def test_n_must_be_a_whole_number_from_one_on(ellipsoid_grain: Grain, n: object)
         start_fit(ellipsoid_grain, n)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("method", ["fast", "paper"])
+def test_a_ball_that_one_sphere_fills_holds_more_control_points(method) -> None:
+    radius = 10
+    square = sum(axis**2 for axis in np.indices((2 * radius + 3,) * 3) - radius - 1)
+    grain = Grain.from_mask(square <= radius**2, voxel_size="2 um")
+    options = {"generations": 500} if method == "paper" else {}
+    result = fit(grain, n=12, method=method, **options)
+    assert result.avatar.n == 12
+    assert result.verdict.valid
+    assert len(np.unique(np.round(result.avatar.centers, 6), axis=0)) == 12
+    # The surface is a sphere about the middle of the mask.
+    reach = np.linalg.norm(result.avatar.mesh().vertices - grain.centroid, axis=1)
+    assert np.abs(reach / reach.mean() - 1).max() < (0.02 if method == "fast" else 0.06)
+
+
 def test_too_many_control_points_names_the_greatest_number() -> None:
     grain = grain_where(ellipsoid(3, 3, 3), 5, VoxelSize(1, 1, 1, "um"))
     with pytest.raises(FitError, match=r"n = (\d+) or fewer") as caught:
