@@ -1,5 +1,6 @@
-"""``python -m mbstudio``: the command line."""
+"""``python -m mbstudio`` is the ``mbstudio`` command."""
 
 from mbstudio.cli import main
 
-main()
+if __name__ == "__main__":
+    main()
