@@ -69,6 +69,55 @@ def test_voxels_that_are_all_equal_hold_no_grains(window, idle, bad_files):
     assert window.workspace.state.grains is None
 
 
+def test_voxels_that_are_no_numbers_are_refused(window, idle, tmp_path):
+    voxels = np.random.default_rng(0).random((12, 12, 12)).astype(np.float32)
+    voxels[5, 4, 3] = np.nan
+    np.save(tmp_path / "broken.npy", voxels)
+    window.files.open_path(tmp_path / "broken.npy", "14 um")
+    idle()
+    window.commands.run("grains.find")
+    idle()
+    assert window.messages.level == "error"
+    assert "broken.npy" in window.messages.text
+    assert window.workspace.state.grains is None
+
+
+def test_half_a_project_file_is_refused(segmented, idle, tmp_path):
+    window = segmented
+    window.projects.save(tmp_path / "whole.mbs")
+    idle()
+    before = window.workspace.state
+    content = (tmp_path / "whole.mbs").read_bytes()
+    (tmp_path / "half.mbs").write_bytes(content[: len(content) // 2])
+    drop(window, tmp_path / "half.mbs")
+    idle()
+    assert window.messages.level == "error"
+    assert "half.mbs" in window.messages.text
+    assert window.workspace.state is before
+
+
+def test_a_mesh_is_no_scan(window, idle, tmp_path):
+    (tmp_path / "stone.ply").write_text("ply")
+    drop(window, tmp_path / "stone.ply")
+    idle()
+    assert window.messages.level == "error"
+    assert "stone.ply" in window.messages.text
+
+
+def test_more_control_points_than_a_grain_can_hold(segmented, idle, qtbot):
+    window = segmented
+    labels = window.workspace.state.grains.interior_labels
+    window.workspace.select(labels[0])
+    window.workspace.change_fit_settings(n=100_000)
+    with qtbot.captureExceptions() as exceptions:
+        window.commands.run("fit.grain")
+        idle()
+    assert not exceptions
+    assert window.messages.level == "error"
+    assert "or fewer" in window.messages.text
+    assert not window.workspace.state.fits
+
+
 def test_a_scan_without_voxel_size_is_asked_about(window, idle, tmp_path):
     path = tmp_path / "plain.npy"
     np.save(path, np.random.default_rng(0).integers(0, 255, (12, 12, 12)).astype(np.uint8))
