@@ -110,7 +110,7 @@ class FastFit(StepRun):
         assert self.control is not None
         return check(
             self.prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
-            outside=lies_outside(self.control, self.prepared),
+            outside=lies_outside(self.control, self.prepared), asked=self.n,
         )  # fmt: skip
 
     def _step(self, generations: int, note: str = "") -> SearchStep:

@@ -174,7 +174,7 @@ class StepRun:
         assert self.control is not None
         return check(
             self.prepared.avatar(self.control), self.grain, rms=self._rms[-1],
-            outside=lies_outside(self.control, self.prepared),
+            outside=lies_outside(self.control, self.prepared), asked=self.n,
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:

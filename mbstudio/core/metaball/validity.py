@@ -41,6 +41,7 @@ def check(
     cells: int = 64,
     found: Topology | None = None,
     outside: int | None = None,
+    asked: int | None = None,
 ) -> Verdict:
     """Judge an avatar: pieces, voids, handles, control points outside, volume error.
 
@@ -59,6 +60,8 @@ def check(
     outside : int, optional
         Control points outside the grain where the caller has counted them (a grain whose
         cavities were filled); counted here otherwise.
+    asked : int, optional
+        Control points that were asked for, where the avatar may hold fewer.
     """
     from mbstudio.core.imaging.steps import Verdict
     from mbstudio.core.units import conversion_factor
@@ -69,7 +72,7 @@ def check(
         volume, _ = volume_and_area(avatar.control, max(cells - 16, 40))
         volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / grain.volume - 1.0
         counted = points_outside(avatar, grain) if outside is None else outside
-    cure = f"n too small for this shape: try {2 * avatar.n}"
+    cure = f"n too small for this shape: try {2 * max(avatar.n, asked or 0)}"
     if grain is not None and grain.voxel_count < 20 * avatar.n:
         cure = f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
     reasons = []
