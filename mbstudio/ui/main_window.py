@@ -357,7 +357,8 @@ class MainWindow(WindowLayout):
         self._first_layout = self.saveState()
         geometry = self.settings.value("geometry")
         if geometry is None or not self.restoreGeometry(geometry):
-            self.resize(1440, 900)
+            room = self.screen().availableGeometry()
+            self.resize(min(1440, room.width()), min(900, room.height()))
         self.resizeDocks([self.table_dock], [230], Qt.Orientation.Vertical)
         self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
 
