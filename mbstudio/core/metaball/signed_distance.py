@@ -133,7 +133,7 @@ def first_order_distance(
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _u_gradient_hessian(x, y, z, control, out):  # pragma: no cover - compiled
+def u_gradient_hessian(x, y, z, control, out):  # pragma: no cover - compiled
     """Write u, its gradient (x, y, z) and its Hessian (xx, yy, zz, xy, xz, yz)."""
     f = gx = gy = gz = trace = xx = yy = zz = xy = xz = yz = 0.0
     for i in range(control.shape[1]):
@@ -170,7 +170,7 @@ def _u_gradient_hessian(x, y, z, control, out):  # pragma: no cover - compiled
 @njit(cache=True, nogil=True, error_model="numpy")
 def _to_surface(place, control, out):  # pragma: no cover - compiled
     """Move `place` onto u = 1 along the gradient; return whether that worked. `out` describes the end."""
-    _u_gradient_hessian(place[0], place[1], place[2], control, out)
+    u_gradient_hessian(place[0], place[1], place[2], control, out)
     for _ in range(_MOST_STEPS):
         rest = out[0] - 1.0
         if abs(rest) <= _ON_SURFACE:
@@ -182,7 +182,7 @@ def _to_surface(place, control, out):  # pragma: no cover - compiled
         gx, gy, gz = out[1], out[2], out[3]
         for _ in range(12):
             x, y, z = place[0] + share * gx, place[1] + share * gy, place[2] + share * gz
-            _u_gradient_hessian(x, y, z, control, out)
+            u_gradient_hessian(x, y, z, control, out)
             if abs(out[0] - 1.0) < 0.9 * abs(rest):
                 found = True
                 break
@@ -306,7 +306,7 @@ def _closest_points(points, control, closest, distance):  # pragma: no cover - c
             point[axis], target[axis] = points[p, axis], control[axis, at]
         if depth < 1e-9 * np.sqrt(control[3, at]):  # f and its gradient are infinite on a control point
             point[0] += 1e-9 * np.sqrt(control[3, at])
-        _u_gradient_hessian(point[0], point[1], point[2], control, state)
+        u_gradient_hessian(point[0], point[1], point[2], control, state)
         outside = state[0] > 1.0
         place[:] = point
         landed = _to_surface(place, control, state)
@@ -314,7 +314,7 @@ def _closest_points(points, control, closest, distance):  # pragma: no cover - c
         for start in range(2):
             if start == 1 or not landed:
                 _nearest_crossing(point, target, outside, control, place, room)
-                _u_gradient_hessian(place[0], place[1], place[2], control, state)
+                u_gradient_hessian(place[0], place[1], place[2], control, state)
             square = _settle(point, place, control, state, trial, step)
             if square < best:
                 best = square
