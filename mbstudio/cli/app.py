@@ -14,6 +14,7 @@ import mbstudio
 from mbstudio.cli import console
 from mbstudio.cli.doctor import doctor
 from mbstudio.cli.export import export
+from mbstudio.cli.figures import figures
 from mbstudio.cli.fit import fit
 from mbstudio.cli.gui import gui
 from mbstudio.cli.measure import measure
@@ -32,7 +33,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (gui, tour, segment, fit, measure, export, doctor):
+for command in (gui, tour, segment, fit, measure, export, figures, doctor):
     app.command()(command)
 
 

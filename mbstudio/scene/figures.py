@@ -65,7 +65,7 @@ def slices_figure(
             ha="center",
             path_effects=[patheffects.withStroke(linewidth=2.5, foreground="black")],
         )
-    return _drawn(figure)
+    return drawn(figure)
 
 
 def convergence_figure(
@@ -90,10 +90,11 @@ def convergence_figure(
     axes.legend(frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    return _drawn(figure)
+    return drawn(figure)
 
 
-def _drawn(figure: Figure) -> UInt8[np.ndarray, "h w 3"]:
+def drawn(figure: Figure) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a matplotlib figure as pixels, without a window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = FigureCanvasAgg(figure)

@@ -257,3 +257,28 @@ def test_output_into_a_closed_pipe_is_no_fault(fitted_project):
     process.wait()
     assert "Traceback" not in error
     assert "fault" not in error
+
+
+def test_figures_refuses_a_file_as_folder(mbstudio, tmp_path):
+    (tmp_path / "figures").write_text("")
+    ran = mbstudio("figures", "--out", tmp_path / "figures")
+    assert ran.code == 1
+    assert "is a file" in ran.err
+    assert "mbstudio: " in ran.err
+
+
+def test_figures_draws_into_the_folder(mbstudio, tmp_path, monkeypatch):
+    from mbstudio.scene import paper_figures
+
+    drawn = []
+
+    def draw(folder, plan, progress):
+        drawn.append(plan)
+        (folder / "figure_2.png").write_bytes(b"")
+        return [folder / "figure_2.png"]
+
+    monkeypatch.setattr(paper_figures, "render_paper_figures", draw)
+    ran = mbstudio("figures", "--out", tmp_path / "new", "--grains", "1", "--diameter", "30", "--json")
+    assert ran.code == 0
+    assert json.loads(ran.out)["files"] == ["figure_2.png"]
+    assert (drawn[0].grains, drawn[0].diameter) == (1, 30)

@@ -77,6 +77,9 @@ class Verdict:
         Root mean square surface distance in the grain's unit.
     reasons : tuple of str
         Why it is not valid, and what to do, in words for the user; empty when valid.
+    smallest_neck : float or None
+        Diameter in the avatar's unit of the thinnest place between two thicker parts; of the
+        largest inscribed sphere if there is none; 0 for several pieces; None if unknown.
     """
 
     valid: bool
@@ -87,6 +90,7 @@ class Verdict:
     volume_error: float
     rms: float
     reasons: tuple[str, ...] = ()
+    smallest_neck: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -153,7 +153,8 @@ def control_rows(
     return np.ascontiguousarray(np.vstack([np.asarray(centers, dtype=np.float64).T, weights]))
 
 
-def _as_points(points: np.ndarray) -> Float64[np.ndarray, "m 3"]:
+def as_points(points: np.ndarray) -> Float64[np.ndarray, "m 3"]:
+    """Return points as a contiguous array of shape (m, 3); AvatarError for any other shape."""
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise AvatarError(
@@ -173,7 +174,7 @@ def field_at(
     control : float array, shape (4, n)
         Rows x, y, z, k: see :func:`control_rows`. Same unit as the points.
     """
-    array = _as_points(points)
+    array = as_points(points)
     out = np.empty(len(array))
     _field_at(array, control, out)
     return out
@@ -183,7 +184,7 @@ def field_and_gradient_at(
     points: Float[np.ndarray, "m 3"], control: Float64[np.ndarray, "4 n"]
 ) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 3"]]:
     """Return f and its gradient at points (x, y, z); the gradient on a control point is NaN."""
-    array = _as_points(points)
+    array = as_points(points)
     field, gradient = np.empty(len(array)), np.empty(array.shape)
     _field_and_gradient_at(array, control, field, gradient)
     return field, gradient

@@ -68,7 +68,8 @@ def _euler_characteristic(solid):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _root(parent, i):  # pragma: no cover - compiled
+def group_root(parent, i):  # pragma: no cover - compiled
+    """Return the group of i in a disjoint-set forest, and shorten the way to it."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -126,11 +127,11 @@ def _join_by_lines(control, parent, samples):  # pragma: no cover - compiled
     n = control.shape[1]
     for a in range(n):
         for b in range(a):
-            ra, rb = _root(parent, a), _root(parent, b)
+            ra, rb = group_root(parent, a), group_root(parent, b)
             if ra != rb and _lowest_between(control, a, b, samples) >= 1.0:
                 parent[max(ra, rb)] = min(ra, rb)
     for a in range(n):
-        parent[a] = _root(parent, a)
+        parent[a] = group_root(parent, a)
 
 
 def _groups(

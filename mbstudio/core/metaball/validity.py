@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.neck import smallest_neck
 from mbstudio.core.metaball.surface import volume_and_area
 from mbstudio.core.metaball.topology import Topology, topology
 
@@ -43,7 +44,7 @@ def check(
     outside: int | None = None,
     asked: int | None = None,
 ) -> Verdict:
-    """Judge an avatar: pieces, voids, handles, control points outside, volume error.
+    """Judge an avatar: pieces, voids, handles, necks, control points outside, volume error.
 
     Parameters
     ----------
@@ -93,4 +94,5 @@ def check(
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),
+        smallest_neck=smallest_neck(avatar.control) if found.pieces == 1 else 0.0,
     )  # fmt: skip

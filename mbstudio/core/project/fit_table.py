@@ -36,7 +36,10 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("volume_error", "f8", lambda fit: fit.verdict.volume_error),
     ("rms", "f8", lambda fit: fit.verdict.rms),
     ("reasons", _TEXT, lambda fit: "\n".join(fit.verdict.reasons)),
+    ("smallest_neck", "f8", lambda fit: _or_nan(fit.verdict.smallest_neck)),
 )
+# Columns that files written before them do not hold, and what stands for the missing values.
+_LATER = {"smallest_neck": np.nan}
 
 
 def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
@@ -59,12 +62,11 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
     KeyError
         If a dataset is missing.
     """
-    table = {
-        name: group[name].asstr()[:] if dtype is _TEXT else group[name][:] for name, dtype, _ in _COLUMNS
-    }
+    labels = group["label"][:]
+    table = {name: _read_column(group, name, dtype, len(labels)) for name, dtype, _ in _COLUMNS}
     ragged = {name: _read_ragged(group, name) for name in ("centers", "weights", "history", "rms_history")}
     fits = {}
-    for row, label in enumerate(group["label"][:]):
+    for row, label in enumerate(labels):
         cells = {name: _plain(values[row]) for name, values in table.items()}
         avatar = Avatar(
             ragged["centers"][row],
@@ -82,6 +84,7 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             volume_error=cells["volume_error"],
             rms=cells["rms"],
             reasons=tuple(cells["reasons"].split("\n")) if cells["reasons"] else (),
+            smallest_neck=None if np.isnan(cells["smallest_neck"]) else cells["smallest_neck"],
         )
         fits[int(label)] = FitResult(
             avatar=avatar,
@@ -93,6 +96,16 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             seed=cells["seed"],
         )
     return fits
+
+
+def _read_column(group: h5py.Group, name: str, dtype: Any, rows: int) -> np.ndarray:
+    if name in _LATER and name not in group:
+        return np.full(rows, _LATER[name], dtype=dtype)
+    return group[name].asstr()[:] if dtype is _TEXT else group[name][:]
+
+
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
 def _plain(value: Any) -> Any:

@@ -189,6 +189,8 @@ class FitPanel(Panel):
         text = (
             f"RMS distance {verdict.rms:.3g} {unit} · n = {fit.avatar.n} · {len(fit.history) - 1} generations"
         )
+        if verdict.smallest_neck is not None:
+            text += f" · smallest neck {verdict.smallest_neck:.3g} {unit}"
         self._reasons.setText("\n".join((*verdict.reasons, text)))
         self._reasons.show()
 

@@ -243,3 +243,13 @@ def test_a_reader_never_sees_a_half_written_file(tmp_path, state, monkeypatch):
     write_project(path, state)
     assert seen[0] == 0
     assert len(read_project(path).fits) == 2
+
+
+def test_fits_of_a_file_from_before_necks_were_measured_can_be_read(tmp_path, state):
+    path = tmp_path / "old.mbs"
+    write_project(path, state)
+    with h5py.File(path, "a") as file:
+        del file["fits/smallest_neck"]
+    fits = read_project(path).fits
+    assert [fit.verdict.smallest_neck for fit in fits.values()] == [None, None]
+    assert fits[2].verdict == replace(state.fits[2].verdict, smallest_neck=None)
