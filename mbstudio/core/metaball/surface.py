@@ -97,6 +97,23 @@ def volume_and_area(
     return float(volume), float(area)
 
 
+def mesh_area(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> float:
+    """Return the surface area of f >= 1 by triangles alone.
+
+    On a coarse grid it loses a little at sharp edges, where :func:`volume_and_area` gains several
+    percent: the first-order distance there tells of far more surface than there is.
+    """
+    from skimage.measure import marching_cubes
+
+    field, _, spacing = sample_solid(control, cells)
+    with np.errstate(divide="ignore"):
+        distance = 1.0 / np.sqrt(field)
+    vertices, faces, _, _ = marching_cubes(distance, 1.0, gradient_direction="ascent")
+    corners = vertices[faces].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(0.5 * spacing**2 * np.linalg.norm(normals, axis=1).sum())
+
+
 def project_to_surface(
     points: Float64[np.ndarray, "m 3"],
     control: Float64[np.ndarray, "4 n"],
