@@ -25,6 +25,7 @@ from mbstudio.core.imaging.levenberg_marquardt import (
     jacobian_of_rows,
     solve_damped,
     steepness_of_rows,
+    weighted_sums_of_rows,
 )
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
@@ -265,7 +266,8 @@ class Refinement:
         matrix += np.outer(mean, mean)
         gradient += mean * volume
         if self._area_weight:
-            bent = (rows[:, :m] * self._bend).sum(axis=1, dtype=np.float64)
+            bent = np.empty(4 * n)
+            weighted_sums_of_rows(rows, self._bend, bent)
             bent *= float(root) * self._area_weight
             matrix += np.outer(bent, bent)
             gradient += bent * area
