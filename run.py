@@ -168,7 +168,9 @@ def provide_system_libraries(kind: str, *, install: bool) -> None:
     lacking = [need for need in missing if is_needed(need)]
     if lacking:
         names = ", ".join(need.name for need in lacking)
-        raise SetUpError(f"the system lacks {names}. Run this, then start again:\n\n    {advice(missing)}\n")
+        raise SetUpError(
+            f"the system lacks {names}. Run this, then start again:\n\n    {advice(missing)}\n"
+        )
     without = [need for need in missing if need.optional]
     if without:
         say(f"without {', '.join(need.name for need in without)} some tests are skipped. To run them all:")
