@@ -133,9 +133,14 @@ def test_an_interrupted_fit_keeps_what_is_done(mbstudio, small_scan_file, tmp_pa
 
     monkeypatch.setattr(batch, "fit_many", interrupted)
     path = tmp_path / "part.mbs"
-    ran = mbstudio(
-        "fit", small_scan_file, "--voxel-size", "14 um", "-n", 4, "--workers", 0, "-o", path, "--json"
-    )
+    # A suite that runs in the background of a shell inherits an ignored SIGINT.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        ran = mbstudio(
+            "fit", small_scan_file, "--voxel-size", "14 um", "-n", 4, "--workers", 0, "-o", path, "--json"
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert ran.code == 130
     assert "2 grains to go" in ran.err
     assert json.loads(ran.out)["interrupted"] is True

@@ -14,6 +14,7 @@ from mbstudio.core.imaging.guard import ITERATIONS_PER_ROUND, MOST_ROUNDS, force
 from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.imaging.steps import SearchStep, Verdict
@@ -48,6 +49,14 @@ class FastOptions:
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
 _GOOD_SCORE = 0.15
 _MOST_MATCHED = 0.02
+# Share of the control points relocated at a time; steps between, until and after relocations.
+_RELOCATED = 0.1
+_RELOCATE_EVERY = 8
+_STEPS_AFTER = 10
+_MOST_RELOCATIONS = 5
+_FEWEST_TO_RELOCATE = 10
+_NOISE_TO_RELOCATE = 0.6
+_STEPS_FOR_AREA = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +134,11 @@ class FastFit(StepRun):
             yield self._step(
                 last, note="" if self.generation < 0 else f"goes on with {self.n} control points"
             )
-        # The last generation is kept for the volume.
-        yield from self._descend(max(1, generations - 1), last)
+        # The last generation is kept for the volume, some before it for the area.
+        for_area = _STEPS_FOR_AREA if generations > 2 * _STEPS_FOR_AREA else 0
+        yield from self._descend(max(1, generations - 1 - for_area), last)
+        if for_area and self._refinement is not None and self._refinement.strive_for_area():
+            yield from self._descend(min(for_area, last - self.generation - 1), last, relocates=False)
         if generations > 1:
             if self._match_volume():
                 yield self._step(last, note="all weights scaled a little to match the volume of the voxels")
@@ -134,21 +146,38 @@ class FastFit(StepRun):
                 yield from self._descend(1, last)
         yield from self._guarded(last)
 
-    def _descend(self, count: int, last: int) -> Iterator[SearchStep]:
-        """Yield steps until `count`, or until progress stops."""
+    def _descend(self, count: int, last: int, *, relocates: bool = True) -> Iterator[SearchStep]:
+        """Yield steps until `count`, or until progress stops; control points are relocated on the way."""
         assert self._refinement is not None
         assert self.prepared is not None
         search, settings = self._refinement, self._refinement.settings
         noise = settings.noise * self.prepared.voxel * self.prepared.scale
         checked, idle, stuck = self._rms[-1], 0, 0
+        # On few or long voxels relocated points would only follow the steps.
+        worth = relocates and self.n >= _FEWEST_TO_RELOCATE and np.isfinite(self.prepared.area)
+        relocations = _MOST_RELOCATIONS if worth else 0
+        rng, before = np.random.default_rng([self.seed, 2]), (self._rms[-1], search.control)
         for done in range(1, count + 1):
+            note = ""
+            if relocations and done % _RELOCATE_EVERY == 0 and count - done >= _STEPS_AFTER:
+                if self._rms[-1] > 1.02 * before[0]:
+                    search.set_control(before[1])
+                    relocations = 0
+                elif self._rms[-1] < _NOISE_TO_RELOCATE * noise:
+                    relocations = 0
+                else:
+                    before = (self._rms[-1], search.control)
+                    moved = max(1, round(_RELOCATED * search.control.shape[1]))
+                    relocate(search, moved, rng)
+                    relocations -= 1
+                    note = f"{moved} control points moved to where the surface was farthest off"
             stuck = 0 if search.advance() else stuck + 1
-            yield self._step(last)
+            yield self._step(last, note)
             if stuck >= 2:
                 return
             if done % settings.check_every == 0:
                 gain = 1 - self._rms[-1] / max(checked, 1e-300)
-                idle = idle + 1 if gain < settings.least_gain else 0
+                idle = idle + 1 if gain < settings.least_gain and not relocations else 0
                 checked = self._rms[-1]
                 if idle >= 2 or (checked < noise and gain < settings.least_gain_in_noise):
                     return
@@ -159,7 +188,7 @@ class FastFit(StepRun):
         assert self.prepared is not None
         control = self._refinement.control.copy()
         for _ in range(2):
-            volume, _ = volume_and_area(control, cells=40, bounds=solid_bounds(control, rounds=1))
+            volume, _ = volume_and_area(control, cells=64, bounds=solid_bounds(control, rounds=1))
             ratio = volume / self.prepared.volume
             if abs(ratio - 1) > _MOST_MATCHED:  # more would only hide a wrong shape
                 return False

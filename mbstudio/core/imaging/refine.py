@@ -19,15 +19,17 @@ from jaxtyping import Float64
 
 from mbstudio.core.imaging.levenberg_marquardt import (
     add_normal_matrix,
+    curvature_of_rows,
     depth_at,
     field_of_rows,
     jacobian_of_rows,
     solve_damped,
     steepness_of_rows,
+    weighted_sums_of_rows,
 )
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
-from mbstudio.core.metaball.surface import volume_and_area
+from mbstudio.core.metaball.surface import mesh_area, volume_and_area
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,13 @@ class RefineSettings:
         Bounds of g = abs(grad f) / f; a higher floor makes the search more cautious where f is flat.
     start_damping : float
         Lambda of the first step.
-    interior_weight, depth_weight, volume_weight : float
-        Weights of the hinges and of the volume row against the surface rows.
+    interior_weight, depth_weight, volume_weight, area_weight : float
+        Weights of the hinges and of the volume and area rows against the surface rows.
+    area_slack, most_area_gain : float
+        The area row strives for the hull's area less this share (steps of the voxels leave so
+        much on smooth surfaces), but for no more than this share beyond what the avatar has.
+    curvature_roof : float
+        Bound of twice the mean curvature in the area row.
     points_per_control, fewest_points : int
         Surface points in use at a time: max(fewest_points, points_per_control * n).
     renew_every : int
@@ -62,6 +69,10 @@ class RefineSettings:
     interior_weight: float = 0.5
     depth_weight: float = 0.5
     volume_weight: float = 3.0
+    area_weight: float = 0.5
+    area_slack: float = 0.005
+    most_area_gain: float = 0.02
+    curvature_roof: float = 30.0
     points_per_control: int = 25
     fewest_points: int = 1500
     renew_every: int = 5
@@ -73,7 +84,7 @@ class RefineSettings:
 
 # Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
 # gradients of the signed distance at the control points, volume row.
-_State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]
+_State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]
 
 
 def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
@@ -115,6 +126,7 @@ class Refinement:
             dtype=np.float32,
         )  # fmt: skip
         self._offset = 0
+        self._wanted_area: float | None = None
         self.set_control(control)
 
     def set_control(self, control: Float64[np.ndarray, "4 n"]) -> None:
@@ -162,15 +174,38 @@ class Refinement:
         stride = max(1, self.hull.shape[1] // wanted)
         self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
         self._surface = np.ascontiguousarray(self.hull[:, self._offset :: stride])
-        self._measure_volume()
+        self._measure_solid()
 
-    def _measure_volume(self) -> None:
-        volume, area = volume_and_area(self.control, cells=32, bounds=solid_bounds(self.control, rounds=1))
+    def _measure_solid(self) -> None:
+        cells = 32 if self._wanted_area is None else 48
+        volume, area = volume_and_area(self.control, cells=cells, bounds=solid_bounds(self.control, rounds=1))
         self.volume_error = volume / self.prepared.volume - 1.0
         displacement = (volume - self.prepared.volume) / max(area, 1e-12)
         residual, _ = self._surface_rows(self.control.astype(np.float32), None)
         # A wildly wrong start must not let the volume row throw the search off.
         self._volume_offset = float(np.clip(displacement, -0.3, 0.3)) - float(residual.mean(dtype=np.float64))
+        self._bend, self._area_weight, self._area_offset = np.zeros_like(residual), 0.0, 0.0
+        if self._wanted_area is None:
+            return
+        area = mesh_area(self.control, 64)
+        if area < self._wanted_area:
+            self._area_weight = self.settings.area_weight
+            roof = self.settings.curvature_roof
+            # The area grows by twice the mean curvature times the displacement.
+            curvature_of_rows(self._surface, self.control.astype(np.float32), self._bend)
+            np.clip(self._bend, -roof, roof, out=self._bend)
+            expected = float(np.mean(self._bend * residual, dtype=np.float64))
+            self._area_offset = area / self._wanted_area - 1.0 - expected
+
+    def strive_for_area(self) -> bool:
+        """From now on also push edges out until the area is right; return whether it is too small."""
+        area = mesh_area(self.control, 64)
+        wanted = self.prepared.area * (1 - self.settings.area_slack)
+        if self.settings.area_weight <= 0 or not area < wanted:
+            return False
+        self._wanted_area = min(wanted, area * (1 + self.settings.most_area_gain))
+        self._renew()
+        return True
 
     def _surface_rows(self, control: np.ndarray, scale: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """Return distance and f at the surface subset; `scale` is 2/g, measured here if None."""
@@ -198,16 +233,20 @@ class Refinement:
             self.settings.depth_weight / np.sqrt(control.shape[1])
         )
         volume = self.settings.volume_weight * (float(residual.mean(dtype=np.float64)) + self._volume_offset)
+        area = self._area_weight * (
+            float(np.mean(self._bend * residual, dtype=np.float64)) + self._area_offset
+        )
         cost = (
             float(np.mean(np.square(residual, dtype=np.float64)))
             + float(np.sum(np.square(hinge, dtype=np.float64)))
             + float(shallow @ shallow)
             + volume**2
+            + area**2
         )
-        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, volume)
+        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, volume, area)
 
     def _normal_equations(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
-        residual, field, hinge, inner, shallow, slope, volume = state
+        residual, field, hinge, inner, shallow, slope, volume, area = state
         n, m = self.control.shape[1], len(residual)
         active = np.flatnonzero(hinge < 0)
         root = np.float32(1 / np.sqrt(m))
@@ -226,6 +265,12 @@ class Refinement:
         mean = rows[:, :m].sum(axis=1, dtype=np.float64) * (float(root) * self.settings.volume_weight)
         matrix += np.outer(mean, mean)
         gradient += mean * volume
+        if self._area_weight:
+            bent = np.empty(4 * n)
+            weighted_sums_of_rows(rows, self._bend, bent)
+            bent *= float(root) * self._area_weight
+            matrix += np.outer(bent, bent)
+            gradient += bent * area
         # Each control point's depth row touches only its own three places.
         low = np.flatnonzero(shallow > 0)
         rows_of_depth = -self.settings.depth_weight / np.sqrt(n) * slope[:, low]
@@ -277,6 +322,30 @@ class Refinement:
             places = deep[:, ::-1] * prepared.spacing + prepared.origin
             for i in outside:
                 self.control[:3, i] = places[((places - self.control[:3, i]) ** 2).sum(axis=1).argmin()]
+
+    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal matrix (lower triangle) and gradient at the control points as they stand."""
+        self._surface_rows(self.control.astype(np.float32), None)
+        return self._normal_equations(self._cost(self.control)[1])
+
+    def surface_rows_at(self, control: Float64[np.ndarray, "4 n"]) -> tuple[np.ndarray, ...]:
+        """Return the surface points in use, their distances and the derivatives of these by f."""
+        residual, field = self._surface_rows(control.astype(np.float32), None)
+        return self._surface, residual, (0.5 * self._scale * field**-1.5).astype(np.float32)
+
+    def depth_of(self, points: Float64[np.ndarray, "3 p"]) -> Float64[np.ndarray, "p"]:
+        """Return the depth of points (rows x, y, z) below the surface."""
+        return self._depth(points)[0]
+
+    def keep_deep(self, moved: Float64[np.ndarray, "4 n"]) -> None:
+        """Push control points inward, in place, where they came shallower than a step may bring them."""
+        self._push(moved, np.minimum(self.hard_depth, self._depth(self.control[:3])[0]), self.control)
+
+    def pushed_in(self, points: Float64[np.ndarray, "3 p"], depth: float) -> Float64[np.ndarray, "3 p"]:
+        """Return points (rows x, y, z) moved inward to a depth, as far as the shape lets."""
+        moved = points.copy()
+        self._push(moved, np.full(points.shape[1], depth), points)
+        return moved
 
     def advance(self) -> bool:
         """Make one step; return False where no damping finds a lower sum of squares."""

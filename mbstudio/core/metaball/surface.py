@@ -74,6 +74,27 @@ def _quadrature(u, origin, spacing, control):  # pragma: no cover - compiled
     return volume * spacing**3, area * spacing**3
 
 
+@njit(cache=True, nogil=True)
+def _triangle_area(vertices, faces):  # pragma: no cover - compiled
+    """Return the area of all triangles together, in double precision and in their order."""
+    total = 0.0
+    for face in range(len(faces)):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        ux, uy, uz = (
+            np.float64(vertices[b, 0]) - vertices[a, 0],
+            np.float64(vertices[b, 1]) - vertices[a, 1],
+            np.float64(vertices[b, 2]) - vertices[a, 2],
+        )
+        vx, vy, vz = (
+            np.float64(vertices[c, 0]) - vertices[a, 0],
+            np.float64(vertices[c, 1]) - vertices[a, 1],
+            np.float64(vertices[c, 2]) - vertices[a, 2],
+        )
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        total += 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
+    return total
+
+
 def sample_solid(
     control: Float64[np.ndarray, "4 n"], cells: int, bounds: Float64[np.ndarray, "2 3"] | None = None
 ) -> tuple[np.ndarray, Float64[np.ndarray, "3"], float]:
@@ -95,6 +116,22 @@ def volume_and_area(
     field, origin, spacing = sample_solid(control, cells, bounds)
     volume, area = _quadrature(1.0 / np.sqrt(field), origin, spacing, control)
     return float(volume), float(area)
+
+
+def mesh_area(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> float:
+    """Return the surface area of f >= 1 by triangles alone.
+
+    On a coarse grid it loses a little at sharp edges, where :func:`volume_and_area` gains several
+    percent: the first-order distance there tells of far more surface than there is.
+    """
+    from skimage.measure import marching_cubes
+
+    field, _, spacing = sample_solid(control, cells)
+    with np.errstate(divide="ignore"):
+        distance = 1.0 / np.sqrt(field)
+    vertices, faces, _, _ = marching_cubes(distance, 1.0, gradient_direction="ascent")
+    # Single-precision corners tell no more than seven digits.
+    return float(f"{spacing**2 * _triangle_area(vertices, faces):.7g}")
 
 
 def project_to_surface(

@@ -1,0 +1,81 @@
+"""Relocating control points, and the area row, on bodies whose corners and area are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mbstudio.core.grains import Grain
+from mbstudio.core.imaging import fit
+from mbstudio.core.imaging.levenberg_marquardt import curvature_of_rows
+from mbstudio.core.imaging.preprocess import prepare
+from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.relocation import relocate
+from mbstudio.core.metaball.surface import mesh_area
+from mbstudio.core.units import VoxelSize
+from tests.core.imaging.imaging_shapes import ellipsoid, grain_where
+
+HALF = 32.4
+
+
+@pytest.fixture(scope="module")
+def cube() -> Grain:
+    # Turned, so that no face lies along the voxels.
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+
+    def inside(x, y, z):
+        x, y, z = np.broadcast_arrays(x, y, z)
+        local = np.stack([x, y, z], axis=-1) @ turn
+        return (np.abs(local) <= HALF).all(axis=-1)
+
+    return grain_where(inside, 57, VoxelSize(1, 1, 1, "um"))
+
+
+def test_curvature_of_one_sphere_is_two_over_the_distance() -> None:
+    control = np.array([[0.5], [0.0], [0.0], [0.25]], dtype=np.float32)
+    points = np.array([[1.5, 0.5, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, -4.0]], dtype=np.float32)
+    found = np.empty(3, dtype=np.float32)
+    curvature_of_rows(np.ascontiguousarray(points), control, found)
+    np.testing.assert_allclose(found, [2.0, 1.0, 0.5], rtol=1e-5)
+
+
+def test_area_by_triangles_is_that_of_the_sphere() -> None:
+    assert mesh_area(np.array([[0.0], [0.0], [0.0], [4.0]])) == pytest.approx(16 * np.pi, rel=2e-3)
+
+
+def test_useless_control_points_move_to_the_corners(cube: Grain) -> None:
+    prepared = prepare(cube)
+    # One large sphere, and eleven idle points heaped up at its centre.
+    rng = np.random.default_rng(0)
+    control = np.vstack([rng.normal(size=(3, 12)) * 0.03, np.full(12, 0.6 / 12)])
+    search = Refinement(prepared, control, RefineSettings())
+    for _ in range(5):
+        search.advance()
+    before = search.rms()
+    relocate(search, 4, np.random.default_rng(1))
+    assert search.control.shape == (4, 12)
+    assert (search.control[3] > 0).all()
+    new = search.control[:, -4:]
+    # Below edges and corners, farther from the middle than any face is.
+    assert (np.linalg.norm(new[:3], axis=0) * prepared.scale > HALF).all()
+    assert (search.depth_of(new[:3]) > 0).all()
+    for _ in range(5):
+        search.advance()
+    assert search.rms() < before
+
+
+def test_a_cube_keeps_its_area(cube: Grain) -> None:
+    result = fit(cube, 60)
+    assert result.verdict.valid
+    mesh = result.avatar.mesh(128)
+    assert mesh.area == pytest.approx(6 * (2 * HALF) ** 2, rel=0.025)
+    assert mesh.volume == pytest.approx((2 * HALF) ** 3, rel=0.005)
+
+
+def test_the_area_of_the_hull_is_known_where_voxels_are_many_and_even(cube: Grain) -> None:
+    prepared = prepare(cube)
+    assert prepared.area * prepared.scale**2 == pytest.approx(6 * (2 * HALF) ** 2, rel=0.025)
+    few = prepare(grain_where(ellipsoid(9, 9, 9), 12, VoxelSize(1, 1, 1, "um")))
+    long = prepare(grain_where(ellipsoid(22, 22, 22), 24, VoxelSize(1, 1, 2, "um")))
+    assert np.isnan(few.area)
+    assert np.isnan(long.area)
