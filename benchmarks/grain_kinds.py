@@ -1,4 +1,4 @@
-"""Synthetic grains whose true surface is known: cobbles, angular and concave ones, and difficult shapes.
+"""Synthetic grains whose true surface is known: cobbles, angular, concave and craggy ones, and difficult shapes.
 
 Each kind is an implicit function (negative inside) on the box [-1, 1]**3; the voxels are its
 signs at voxel centres, the truth a mesh whose vertices are moved onto its zero.
@@ -74,6 +74,33 @@ def concave(rng: np.random.Generator) -> Implicit:
             body = _smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.12)
         for bite in bites:
             body = -_smooth_least(-body, np.linalg.norm(points - bite, axis=1) - 0.35, 0.06)
+        return body
+
+    return value
+
+
+def craggy(rng: np.random.Generator) -> Implicit:
+    """Return blobs grown together, with sharp-edged bites out of them and rough faces."""
+    count = int(rng.integers(5, 9))
+    centers = rng.normal(size=(count, 3))
+    centers *= rng.uniform(0.3, 0.6, (count, 1)) / np.linalg.norm(centers, axis=1, keepdims=True)
+    radii = rng.uniform(0.22, 0.4, count)
+    bites = rng.normal(size=(5, 3))
+    bites *= rng.uniform(0.5, 0.8, (5, 1)) / np.linalg.norm(bites, axis=1, keepdims=True)
+    bite_radii = rng.uniform(0.2, 0.38, 5)
+    waves = [
+        (rng.normal(size=(8, 3)) * frequency, rng.uniform(0, 6.3, 8), height)
+        for frequency, height in ((4, 0.0085), (9, 0.0042), (18, 0.0021))
+    ]
+
+    def value(points: np.ndarray) -> np.ndarray:
+        body = np.linalg.norm(points, axis=1) - 0.3
+        for center, radius in zip(centers, radii, strict=True):
+            body = _smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.05)
+        for bite, radius in zip(bites, bite_radii, strict=True):
+            body = np.maximum(body, radius - np.linalg.norm(points - bite, axis=1))
+        for directions, phases, height in waves:
+            body = body + height * np.sin(points @ directions.T + phases).sum(axis=1)
         return body
 
     return value
@@ -155,8 +182,8 @@ def known_grain(
 
 
 def synthetic(side: int = 200, count: int = 5, seed: int = 2023) -> list[KnownGrain]:
-    """Return `count` grains of each of the three kinds."""
-    makers = {"cobble": cobble, "angular": angular, "concave": concave}
+    """Return `count` grains of each of the four kinds."""
+    makers = {"cobble": cobble, "angular": angular, "concave": concave, "craggy": craggy}
     return [
         known_grain(kind, f"{kind} {i}", maker(np.random.default_rng([seed, k, i])), side)
         for k, (kind, maker) in enumerate(makers.items())
