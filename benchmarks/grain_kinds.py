@@ -1,4 +1,4 @@
-"""Synthetic grains whose true surface is known: cobbles, angular, concave and craggy ones, and difficult shapes.
+"""Synthetic grains whose true surface is known: cobbles, angular, concave, craggy and difficult ones.
 
 Each kind is an implicit function (negative inside) on the box [-1, 1]**3; the voxels are its
 signs at voxel centres, the truth a mesh whose vertices are moved onto its zero.
