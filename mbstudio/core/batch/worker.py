@@ -59,7 +59,8 @@ def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
     if head["error"] is not None:
         return None, head["error"]
     avatar = Avatar(arrays["centers"], arrays["weights"], head["unit"], head["label"], head["name"])
-    verdict = Verdict(**{**head["verdict"], "reasons": tuple(head["verdict"]["reasons"])})
+    told = {name: tuple(head["verdict"][name]) for name in ("reasons", "remarks")}
+    verdict = Verdict(**{**head["verdict"], **told})
     return FitResult(
         avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"]
     ), None

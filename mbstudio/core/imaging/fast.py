@@ -10,7 +10,14 @@ from jaxtyping import Float64
 
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
-from mbstudio.core.imaging.guard import ITERATIONS_PER_ROUND, MOST_ROUNDS, force_sound, lies_outside, repair
+from mbstudio.core.imaging.guard import (
+    ITERATIONS_PER_ROUND,
+    MOST_ROUNDS,
+    force_sound,
+    lies_outside,
+    mend_handles,
+    repair,
+)
 from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
@@ -49,6 +56,8 @@ class FastOptions:
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
 _GOOD_SCORE = 0.15
 _MOST_MATCHED = 0.02
+# By how much the score may grow for the right number of handles.
+_MOST_FOR_HANDLES = 1.5
 # Share of the control points relocated at a time; steps between, until and after relocations.
 _RELOCATED = 0.1
 _RELOCATE_EVERY = 8
@@ -120,6 +129,7 @@ class FastFit(StepRun):
         return check(
             self.prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
             outside=lies_outside(self.control, self.prepared), asked=self.n,
+            grain_genus=self.prepared.genus,
         )  # fmt: skip
 
     def _step(self, generations: int, note: str = "") -> SearchStep:
@@ -145,6 +155,8 @@ class FastFit(StepRun):
             elif self.generation < last:
                 yield from self._descend(1, last)
         yield from self._guarded(last)
+        if generations > 1:
+            yield from self._mended(last)
 
     def _descend(self, count: int, last: int, *, relocates: bool = True) -> Iterator[SearchStep]:
         """Yield steps until `count`, or until progress stops; control points are relocated on the way."""
@@ -225,6 +237,37 @@ class FastFit(StepRun):
         self._refinement.control = best.control
         yield self._step(last, best.note)
         self._found = best.found
+
+    def _mended(self, last: int) -> Iterator[SearchStep]:
+        """Yield further steps until the avatar has the handles of its grain, if it can at a fair price."""
+        assert self._refinement is not None
+        assert self.prepared is not None
+        wanted = self.prepared.genus
+        if self._look().genus == wanted:
+            return
+        candidates = [self._forced()]
+        affordable = _MOST_FOR_HANDLES * candidates[0].score
+        for round_number in range(MOST_ROUNDS):
+            note = mend_handles(self._refinement, round_number)
+            if not note:
+                break
+            for step in range(ITERATIONS_PER_ROUND):
+                self._refinement.advance()
+                yield self._step(last, note if step == 0 else "")
+            if self._look().is_sound and self._match_volume():
+                yield self._step(last, "all weights scaled a little to match the volume of the voxels")
+            candidates.append(self._forced())
+            if self._look().genus == wanted or candidates[-1].score > affordable:
+                break
+        best = min(
+            (candidate for candidate in candidates if candidate.score <= affordable),
+            key=lambda candidate: (abs(candidate.found.genus - wanted), candidate.score),
+        )
+        if best is not candidates[-1] or not self._look().is_sound:
+            self._begin(best.control, self.options.refine)
+            self._refinement.control = best.control
+            yield self._step(last, "other handles than the grain's: to mend them would cost too much truth")
+            self._found = best.found
 
     def _is_content(self, candidate: _Candidate) -> bool:
         """Tell whether the present avatar, scored as `candidate`, is sound without force and true enough."""

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
+from mbstudio.core.imaging.homotopy import topology_errors
 from mbstudio.core.imaging.levenberg_marquardt import depth_at
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.imaging.refine import Refinement
+from mbstudio.core.imaging.relocation import without_the_least_useful
 from mbstudio.core.metaball.field import field_on_grid
 from mbstudio.core.metaball.topology import Topology, nearest_link, topology
 
@@ -17,6 +19,7 @@ _SMALL_ISLAND = 0.002  # of the volume of the body
 _LARGER_ISLAND = 0.05
 _MOST_POINTS = 600
 _MOST_LINKS = 40
+_LEAST_MARGIN = 0.02  # working lengths
 
 
 def wrongly_empty(
@@ -50,9 +53,31 @@ def repair(search: Refinement, found: Topology, round_number: int, rng: np.rando
             notes.append(f"{int(stray.sum())} control point(s) of islands dropped")
     empty, depths = wrongly_empty(search.control, search.prepared, rng)
     if len(empty):
-        search.keep_filled(empty, depths, weight=2.0 * (1 + round_number))
+        search.keep(empty, depths, weight=2.0 * (1 + round_number))
         notes.append(f"{len(empty)} empty places inside the grain to be filled")
     search.damping = max(search.damping, 0.1)
+    return ", ".join(notes)
+
+
+def mend_handles(search: Refinement, round_number: int) -> str:
+    """Prepare a search whose avatar has other handles than its grain for another round; return what was done.
+
+    Points where the two differ are held inside or outside; holes in walls get a control point each
+    from where it is needed least. Returns an empty text where no difference is found.
+    """
+    errors = topology_errors(search.control, search.prepared)
+    notes = []
+    plugs = errors.plugs[: max(1, search.control.shape[1] // 10)].T
+    if plugs.shape[1] and search.control.shape[1] > 2 * plugs.shape[1] and round_number < MOST_ROUNDS - 1:
+        radius = 0.5 * np.maximum(search.depth_of(plugs), search.prepared.voxel)
+        control = without_the_least_useful(search, plugs.shape[1])
+        search.set_control(np.hstack([control, np.vstack([plugs, radius**2])]))
+        notes.append(f"{plugs.shape[1]} control point(s) moved into holes that the grain has not")
+    for name, points in (("holes", errors.holes), ("bridges", errors.bridges)):
+        if len(points):
+            depth = np.maximum(np.abs(search.depth_of(points.T)), _LEAST_MARGIN)
+            search.keep(points, depth, weight=2.0 * (1 + round_number), filled=name == "holes")
+            notes.append(f"{len(points)} places of {name} that the grain has not held by the search")
     return ", ".join(notes)
 
 

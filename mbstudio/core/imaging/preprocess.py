@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
@@ -16,6 +17,7 @@ from numba import njit
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.topology import genus_of_voxels
 
 PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
@@ -73,6 +75,11 @@ class PreparedGrain:
     def deepest(self) -> float:
         """Radius of the largest inscribed sphere, in working lengths."""
         return float(self.distance.max())
+
+    @cached_property
+    def genus(self) -> int:
+        """Number of handles, the voxels joined through corners as well."""
+        return genus_of_voxels(self.mask)
 
     def avatar(self, control: Float64[np.ndarray, "4 n"]) -> Avatar:
         """Return control points (rows x, y, z, k in the working frame) as an avatar over the scan."""

@@ -120,6 +120,7 @@ class Refinement:
         self._witnesses = np.ascontiguousarray(self.hull[:, :: -(-self.hull.shape[1] // 4000)])
         self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
         self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)
+        self._interior_side = np.ones(len(self._interior_target), dtype=np.float32)
         self._interior_weight = np.full(
             len(self._interior_target),
             self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
@@ -136,11 +137,14 @@ class Refinement:
         self.damping = max(self.damping, 1e-2)
         self._renew()
 
-    def keep_filled(
-        self, points: Float64[np.ndarray, "p 3"], depth: Float64[np.ndarray, "p"], weight: float
-    ) -> None:
-        """Add points that must lie inside: the guard's answer to a void or a torn body."""
+    def keep(
+        self, points: Float64[np.ndarray, "p 3"], depth: Float64[np.ndarray, "p"], weight: float,
+        *, filled: bool = True,
+    ) -> None:  # fmt: skip
+        """Add points that must lie inside the avatar, or outside it: the guard's answer to its faults."""
         self._interior = np.hstack([self._interior, points.T.astype(np.float32)])
+        side = np.full(len(points), 1 if filled else -1, dtype=np.float32)
+        self._interior_side = np.append(self._interior_side, side)
         self._interior = np.ascontiguousarray(self._interior)
         self._interior_target = np.append(
             self._interior_target, np.minimum(0.5 * depth, 0.075).astype(np.float32)
@@ -224,7 +228,8 @@ class Refinement:
         residual, field = self._surface_rows(single, self._scale)
         inner = np.empty(self._interior.shape[1], dtype=np.float32)
         field_of_rows(self._interior, single, inner)
-        hinge = np.minimum((1 - inner**-0.5) - self._interior_target, 0) * self._interior_weight
+        hinge = np.minimum(self._interior_side * (1 - inner**-0.5) - self._interior_target, 0)
+        hinge *= self._interior_weight
         depth, slope = np.empty(control.shape[1]), np.empty((3, control.shape[1]))
         depth_at(
             control[:3], self.prepared.distance, self.prepared.origin, self.prepared.spacing, depth, slope
@@ -254,7 +259,7 @@ class Refinement:
         # d(1 - u)/df = f**(-3/2) / 2.
         factor = np.concatenate([
             0.5 * self._scale * root * field**-1.5,
-            0.5 * self._interior_weight[active] * inner[active] ** -1.5,
+            0.5 * (self._interior_side * self._interior_weight)[active] * inner[active] ** -1.5,
         ]).astype(np.float32)  # fmt: skip
         rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
         jacobian_of_rows(points, self.control.astype(np.float32), factor, rows)

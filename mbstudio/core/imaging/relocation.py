@@ -73,11 +73,12 @@ def relocate(search: Refinement, count: int, rng: np.random.Generator) -> None:
     rng : numpy.random.Generator
         Chooses the surface points below which new control points are tried.
     """
-    control = _without_the_least_useful(search, count)
+    control = without_the_least_useful(search, count)
     search.set_control(np.hstack([control, _most_useful(search, control, count, rng)]))
 
 
-def _without_the_least_useful(search: Refinement, count: int) -> np.ndarray:
+def without_the_least_useful(search: Refinement, count: int) -> Float64[np.ndarray, "4 n"]:
+    """Return the control points of a search but for `count`, the others moved to make up for them."""
     matrix, _ = search.linearised()
     n = search.control.shape[1]
     diagonal = np.diagonal(matrix)

@@ -175,6 +175,7 @@ class StepRun:
         return check(
             self.prepared.avatar(self.control), self.grain, rms=self._rms[-1],
             outside=lies_outside(self.control, self.prepared), asked=self.n,
+            grain_genus=self.prepared.genus,
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:

@@ -80,6 +80,10 @@ class Verdict:
     smallest_neck : float or None
         Diameter in the avatar's unit of the thinnest place between two thicker parts; of the
         largest inscribed sphere if there is none; 0 for several pieces; None if unknown.
+    grain_genus : int or None
+        Number of handles of the grain's voxels; None if unknown.
+    remarks : tuple of str
+        What a user should know of a valid avatar too: handles that differ from the grain's.
     """
 
     valid: bool
@@ -91,6 +95,8 @@ class Verdict:
     rms: float
     reasons: tuple[str, ...] = ()
     smallest_neck: float | None = None
+    grain_genus: int | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int
+from jaxtyping import Bool, Float32, Float64, Int
 from numba import njit
 
 from mbstudio.core.metaball.field import field_at, solid_bounds
@@ -65,6 +65,20 @@ def _euler_characteristic(solid):  # pragma: no cover - compiled
                 zyx = zy and zx and yx and solid[iz + 1, iy + 1, ix + 1]
                 total += 1 - (int(z) + int(y) + int(x)) + (int(zy) + int(zx) + int(yx)) - int(zyx)
     return total
+
+
+def genus_of_voxels(solid: Bool[np.ndarray, "Z Y X"]) -> int:
+    """Return the number of handles of one body without cavities, its voxels joined through corners too.
+
+    By Alexander duality the Euler characteristic of the box around a body, the body taken out, is that
+    of the body plus one; the nodes of three of its faces, which are not counted, take the one away.
+
+    Parameters
+    ----------
+    solid : bool array, shape (Z, Y, X)
+        With an empty layer all around.
+    """
+    return 1 - int(_euler_characteristic(~solid))
 
 
 @njit(cache=True, nogil=True)
@@ -178,6 +192,16 @@ def _void_count(solid: np.ndarray) -> int:
     return int(cc3d.connected_components(~solid, connectivity=6).max()) - 1
 
 
+def _genera(solid: np.ndarray, voids: int) -> tuple[int, int, int]:
+    """Return digital pieces, and handles with nodes joined through faces only and through corners too."""
+    import cc3d
+
+    pieces = int(cc3d.connected_components(solid, connectivity=6).max())
+    by_faces = pieces + voids - int(_euler_characteristic(solid))
+    together = int(cc3d.connected_components(solid, connectivity=26).max()) if pieces > 1 else 1
+    return pieces, by_faces, together + voids - int(_euler_characteristic(~solid))
+
+
 def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int = 192) -> Topology:
     """Count pieces, voids and handles of f >= 1.
 
@@ -188,7 +212,9 @@ def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int =
     cells : int
         Grid cells along the longest side to begin with.
     finest : int
-        Cells up to which the grid is refined as long as it shows anything but one plain piece.
+        Cells up to which the grid is refined as long as it shows anything but one plain piece, and
+        by a third beyond where handles are counted differently with nodes joined through faces only
+        and through corners too.
     """
     bounds = solid_bounds(control)
     while True:
@@ -197,19 +223,17 @@ def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int =
         parent, nodes = _groups(field, origin, spacing, control)
         roots = np.unique(parent)
         voids = _void_count(solid)
-        # Handles from the Euler characteristic: chi = components - handles + voids of the digital solid.
-        import cc3d
-
-        digital = int(cc3d.connected_components(solid, connectivity=6).max())
-        genus = digital + voids - int(_euler_characteristic(solid))
-        plain = len(roots) == 1 and voids == 0 and genus == 0 and digital == 1
-        if plain or cells >= finest:
+        digital, by_faces, by_corners = _genera(solid, voids)
+        plain = len(roots) == 1 and voids == 0 and by_faces == by_corners == 0 and digital == 1
+        # Handles and holes about as wide as a cell: the ways of counting differ.
+        limit = finest if by_faces == by_corners else 4 * finest // 3
+        if plain or cells >= limit:
             break
-        cells = min(finest, 2 * cells)
+        cells = min(limit, 2 * cells)
     order = roots[np.argsort(-nodes[roots], kind="stable")]
     number = {int(root): index for index, root in enumerate(order)}
     return Topology(
-        pieces=len(roots), voids=voids, genus=genus,
+        pieces=len(roots), voids=voids, genus=by_corners,
         piece_of_point=np.array([number[int(root)] for root in parent]),
         volumes=nodes[order] * spacing**3, cells=cells,
     )  # fmt: skip

@@ -43,6 +43,7 @@ def check(
     found: Topology | None = None,
     outside: int | None = None,
     asked: int | None = None,
+    grain_genus: int | None = None,
 ) -> Verdict:
     """Judge an avatar: pieces, voids, handles, necks, control points outside, volume error.
 
@@ -63,6 +64,8 @@ def check(
         cavities were filled); counted here otherwise.
     asked : int, optional
         Control points that were asked for, where the avatar may hold fewer.
+    grain_genus : int, optional
+        Handles of the grain where the caller has counted them; not compared otherwise.
     """
     from mbstudio.core.imaging.steps import Verdict
     from mbstudio.core.units import conversion_factor
@@ -91,8 +94,16 @@ def check(
         grain.unit, avatar.unit
     ):
         reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}.")
+    remarks = []
+    if grain_genus is not None and found.genus != grain_genus:
+        remarks.append(f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}.")
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),
         smallest_neck=smallest_neck(avatar.control) if found.pieces == 1 else 0.0,
+        grain_genus=grain_genus, remarks=tuple(remarks),
     )  # fmt: skip
+
+
+def _handles(count: int) -> str:
+    return {0: "no handle", 1: "1 handle"}.get(count, f"{count} handles")

@@ -31,15 +31,17 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("valid", "?", lambda fit: fit.verdict.valid),
     ("pieces", "i8", lambda fit: fit.verdict.pieces),
     ("voids", "i8", lambda fit: fit.verdict.voids),
-    ("genus", "i8", lambda fit: UNKNOWN_GENUS if fit.verdict.genus is None else fit.verdict.genus),
+    ("genus", "i8", lambda fit: _or_unknown(fit.verdict.genus)),
     ("points_outside", "i8", lambda fit: fit.verdict.points_outside),
     ("volume_error", "f8", lambda fit: fit.verdict.volume_error),
     ("rms", "f8", lambda fit: fit.verdict.rms),
     ("reasons", _TEXT, lambda fit: "\n".join(fit.verdict.reasons)),
     ("smallest_neck", "f8", lambda fit: _or_nan(fit.verdict.smallest_neck)),
+    ("grain_genus", "i8", lambda fit: _or_unknown(fit.verdict.grain_genus)),
+    ("remarks", _TEXT, lambda fit: "\n".join(fit.verdict.remarks)),
 )
 # Columns that files written before them do not hold, and what stands for the missing values.
-_LATER = {"smallest_neck": np.nan}
+_LATER = {"smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "remarks": ""}
 
 
 def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
@@ -85,6 +87,8 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             rms=cells["rms"],
             reasons=tuple(cells["reasons"].split("\n")) if cells["reasons"] else (),
             smallest_neck=None if np.isnan(cells["smallest_neck"]) else cells["smallest_neck"],
+            grain_genus=None if cells["grain_genus"] == UNKNOWN_GENUS else cells["grain_genus"],
+            remarks=tuple(cells["remarks"].split("\n")) if cells["remarks"] else (),
         )
         fits[int(label)] = FitResult(
             avatar=avatar,
@@ -100,8 +104,12 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
 
 def _read_column(group: h5py.Group, name: str, dtype: Any, rows: int) -> np.ndarray:
     if name in _LATER and name not in group:
-        return np.full(rows, _LATER[name], dtype=dtype)
+        return np.full(rows, _LATER[name], dtype=object if dtype is _TEXT else dtype)
     return group[name].asstr()[:] if dtype is _TEXT else group[name][:]
+
+
+def _or_unknown(genus: int | None) -> int:
+    return UNKNOWN_GENUS if genus is None else genus
 
 
 def _or_nan(value: float | None) -> float:

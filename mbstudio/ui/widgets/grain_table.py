@@ -118,7 +118,7 @@ class GrainTableModel(QAbstractTableModel):
             return self._alignment(column)
         if role == Qt.ItemDataRole.ToolTipRole and column == 6:
             fit = self._fits.get(self.label(row))
-            return "\n".join(fit.verdict.reasons) if fit and fit.verdict.reasons else None
+            return "\n".join((*fit.verdict.reasons, *fit.verdict.remarks)) or None if fit else None
         return None
 
     @staticmethod

@@ -7,7 +7,7 @@ import pytest
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball import Avatar
-from mbstudio.core.metaball.topology import topology
+from mbstudio.core.metaball.topology import genus_of_voxels, topology
 from mbstudio.core.metaball.validity import check
 from mbstudio.core.units import VoxelSize
 
@@ -109,3 +109,19 @@ def test_verdict_in_another_unit_is_the_same() -> None:
     here, there = check(avatar, grain), check(avatar.to("um"), grain)
     assert there.volume_error == pytest.approx(here.volume_error, abs=1e-5)
     assert there.points_outside == here.points_outside == 0
+
+
+def test_handles_of_voxels_are_those_of_scikit_image() -> None:
+    import cc3d
+    import fill_voids
+    from scipy.ndimage import gaussian_filter
+    from skimage.measure import euler_number
+
+    found = set()
+    for seed in range(8):
+        noise = gaussian_filter(np.random.default_rng(seed).random((24, 24, 24)), 1.5)
+        body = cc3d.largest_k(np.pad(noise > np.quantile(noise, 0.6), 1), 1, connectivity=26) > 0
+        body = fill_voids.fill(body) > 0
+        found.add(genus_of_voxels(body))
+        assert genus_of_voxels(body) == 1 - euler_number(body, 3)
+    assert max(found) > 1  # else it would prove little
