@@ -142,7 +142,7 @@ def _differing_from(
     control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain, fineness: int
 ) -> Int[np.ndarray, "c 3"]:
     """Return the critical cells (z, y, x) on voxels divided into `fineness`**3."""
-    body, distance = prepared.mask, prepared.distance
+    body, distance = prepared.shape, prepared.distance
     for axis in range(3 if fineness > 1 else 0):
         body, distance = np.repeat(body, fineness, axis), np.repeat(distance, fineness, axis)
     spacing = prepared.spacing / fineness
@@ -161,7 +161,7 @@ def topology_errors(control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain
     import cc3d
     from scipy.ndimage import binary_dilation
 
-    body = prepared.mask
+    body = prepared.shape
     critical = np.zeros(body.shape, dtype=bool)
     for fineness in (1, 2):
         cells = _differing_from(control, prepared, fineness)

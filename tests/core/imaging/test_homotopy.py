@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import start_fit
 from mbstudio.core.imaging.fast import FastFit
 from mbstudio.core.imaging.homotopy import differing_cells, is_simple, topology_errors
 from mbstudio.core.imaging.preprocess import prepare
+from mbstudio.core.metaball.topology import genus_of_voxels
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import grain_where
 
@@ -125,3 +127,17 @@ def test_handles_that_cannot_be_mended_are_told(monkeypatch: pytest.MonkeyPatch)
     verdict = run.result().verdict
     assert verdict.genus == 1
     assert verdict.remarks == ("The avatar has 1 handle, the grain no handle.",)
+
+
+def test_handles_of_one_voxel_are_noise_but_a_ring_is_a_ring() -> None:
+    def ring(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+        return (np.abs(np.hypot(x, y) - 12) <= 4) & (np.abs(z) <= 4)
+
+    grain = grain_where(ring, 20, MICROMETRE)
+    assert prepare(grain).genus == 1
+    # A bow of one voxel over the ring's flat back: a second handle of the voxels, none of the grain.
+    noisy = np.pad(grain.mask, ((0, 2), (0, 0), (0, 0)))
+    y = noisy.shape[1] // 2
+    noisy[9, [y - 2, y + 2], 4] = noisy[10, y - 1 : y + 2, 4] = True
+    assert genus_of_voxels(np.pad(noisy, 1)) == 2
+    assert prepare(Grain(noisy, MICROMETRE, (0.0, 0.0, 0.0))).genus == 1
