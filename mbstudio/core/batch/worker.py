@@ -61,8 +61,9 @@ def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
     avatar = Avatar(arrays["centers"], arrays["weights"], head["unit"], head["label"], head["name"])
     verdict = Verdict(**{**head["verdict"], "reasons": tuple(head["verdict"]["reasons"])})
     return FitResult(
-        avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"]
-    ), None
+        avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"],
+        head["options"],
+    ), None  # fmt: skip
 
 
 def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) -> None:
@@ -79,6 +80,7 @@ def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) 
         "method": result.method,
         "n": result.n,
         "seed": result.seed,
+        "options": dict(result.options),
     }
     arrays = {
         "centers": avatar.centers,

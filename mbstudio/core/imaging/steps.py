@@ -7,10 +7,10 @@ dropping the object.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -109,6 +109,8 @@ class FitResult:
     n : int
         Control points asked for (the avatar can hold fewer).
     seed : int
+    options : mapping
+        Those of the method's options that were not at their defaults, by name.
     """
 
     avatar: Avatar
@@ -118,6 +120,7 @@ class FitResult:
     method: Method
     n: int
     seed: int
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 class FitRun(Protocol):

@@ -112,7 +112,9 @@ class FitWork(Work):
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
             control.report(0.0, "Preparing the grain")
-            fitting.run = start_fit(fitting.grain, n=settings.n, method=settings.method, seed=settings.seed)
+            fitting.run = start_fit(
+                fitting.grain, settings.n, settings.method, settings.seed, **settings.options
+            )
             return _drive(fitting)
 
         self.began.emit(label)
@@ -217,7 +219,10 @@ class FitWork(Work):
 
         def steps(control: Control) -> Iterator[tuple[int, Any]]:
             control.report(0.0, "Starting processes")
-            items = fit_many(grains, wanted, n=settings.n, method=settings.method, seed=settings.seed)
+            items = fit_many(
+                grains, wanted, n=settings.n, method=settings.method, seed=settings.seed,
+                options=settings.options,
+            )  # fmt: skip
             return _count(items, arrived)
 
         task = Task(
