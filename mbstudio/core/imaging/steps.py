@@ -130,7 +130,15 @@ class FitRun(Protocol):
     def __next__(self) -> SearchStep: ...
 
     def change_control_points(self, n: int) -> None:
-        """Go on from here with another number of control points (those there are kept, split or merged)."""
+        """Go on from here with another number of control points, at a loss no larger than a fresh start's.
+
+        Those there are are kept, split or merged, where that is the better of the two.
+
+        Raises
+        ------
+        FitError
+            If the grain cannot hold n control points; the run then stays as it was.
+        """
 
     def more_generations(self, count: int) -> None:
         """Let a finished search go on for `count` more generations."""

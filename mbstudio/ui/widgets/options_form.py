@@ -75,7 +75,7 @@ class OptionsForm(QWidget):
             field = self._field(kind)
             self.fields[name] = field
             tip = f"<p>{notes.get(name, '')}</p>"  # rich text, so that Qt breaks the lines
-            self._layout.addWidget(row(name.replace("_", " "), field, tip))
+            self._layout.addWidget(row(name.replace("_", " ").capitalize(), field, tip))
 
     def _field(self, kind: Any) -> QWidget:
         if kind is bool:
