@@ -9,8 +9,9 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit, start_fit
 from mbstudio.core.imaging.control_points import control_of_spheres
+from mbstudio.core.imaging.paper_options import PaperOptions
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
-from mbstudio.core.imaging.sphere_clustering import Sphere
+from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import VoxelSize
@@ -152,18 +153,12 @@ def test_batches_of_sgd_are_drawn_by_the_seed(egg: Grain) -> None:
 
 def test_a_ball_is_used_up_by_one_sphere_and_refused_where_the_letter_stops() -> None:
     ball = grain_where(ellipsoid(7.2, 7.2, 7.2), 9, VoxelSize(1, 1, 1, "um"), name="ball")
-    most = len(list(_clustering(ball)))
+    ready = prepare(ball, working_side=200)
+    most = len(list(cluster_to_the_letter(ready.mask, ready.spacing, 1000)))
     with pytest.raises(FitError, match=f"'ball'.*ask for n = {most} or fewer"):
         fit(ball, most + 1, "paper", used_up="stop", generations=1)
     assert fit(ball, most, "paper", used_up="stop", generations=1).avatar.n == most
     assert fit(ball, most + 1, "paper", generations=1).avatar.n == most + 1
-
-
-def _clustering(grain: Grain) -> list[Sphere]:
-    from mbstudio.core.imaging.sphere_clustering import cluster_to_the_letter
-
-    ready = prepare(grain, working_side=200)
-    return list(cluster_to_the_letter(ready.mask, ready.spacing, 1000))
 
 
 def test_the_hull_can_be_the_outermost_voxels() -> None:
@@ -190,3 +185,21 @@ def test_the_hull_can_be_the_outermost_voxels() -> None:
 def test_impossible_options_are_named(egg: Grain, options: dict[str, object]) -> None:
     with pytest.raises(FitError, match=next(iter(options))):
         start_fit(egg, 2, "paper", **options)
+
+
+def test_the_start_as_printed_is_the_spheres_of_algorithm_1(egg: Grain, prepared: PreparedGrain) -> None:
+    """M_r = {r_i, c_i}: the radii as the distance transform gives them are the weights."""
+    assert PaperOptions().learning_rate == 0.001
+    options = {"weight": "radius", "radius_offset": 0.0, "common_factor": False, "generations": 1}
+    run = start_fit(egg, 3, "paper", hull_points=10, **options)
+    start = next(step for step in run if step.phase == "search")
+    spheres = list(cluster_to_the_letter(prepared.mask, prepared.spacing, 3))
+    control = control_of(start.avatar, prepared)
+    np.testing.assert_allclose(control[3], [sphere.radius for sphere in spheres], rtol=1e-6)
+    places = np.array([sphere.voxel[::-1] for sphere in spheres]) * prepared.spacing + prepared.origin
+    np.testing.assert_allclose(control[:3].T, places, atol=1e-12)
+    # The first centre is the voxel deepest in the grain: in voxels of 2 um, its radius by hand.
+    padded = np.pad(egg.mask, 1)
+    inside, outside = np.argwhere(padded), np.argwhere(~padded)
+    depth = np.sqrt(((inside[:, None] - outside[None]) ** 2).sum(axis=2)).min(axis=1)
+    assert spheres[0].radius * prepared.scale == pytest.approx(2 * depth.max(), rel=1e-6)
