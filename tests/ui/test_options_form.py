@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from PySide6.QtTest import QTest
 
 from mbstudio.ui.widgets.options_form import OptionsForm
-from tests.ui.conftest import PATIENCE
 
 
 @pytest.fixture
@@ -89,27 +87,3 @@ def test_the_window_fits_with_the_options(segmented, idle):
     window.redo()
     panel.method.setCurrentIndex(panel.method.findData("fast"))
     assert window.workspace.state.fit_settings.options == {}
-
-
-def test_another_n_while_a_fit_is_paused(segmented, idle, qtbot):
-    window = segmented
-    label = window.workspace.state.grains.interior_labels[0]
-    window.workspace.select(label)
-    window.workspace.change_fit_settings(n=10, method="paper", options={"generations": 5000})
-    idle()
-    assert window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
-    window.fits.pause()
-    window.panels_fit.n.setValue(15)
-    window.panels_fit.n.setValue(14)
-    qtbot.wait(300)  # the step that was under way may still arrive
-    count = len(window.curve.losses)
-    window.fits.pause()
-    qtbot.waitUntil(lambda: len(window.curve.losses) > count + 3, timeout=PATIENCE)
-    window.fits.stop()
-    idle()
-    fit = window.workspace.state.fits[label]
-    assert (fit.n, fit.avatar.n) == (14, 14)
-    # The curve is the whole history, the generations before the change included.
-    np.testing.assert_allclose(window.curve.losses, fit.history)
-    assert count + 3 < len(fit.history) < 5000
