@@ -36,30 +36,25 @@ def wait_for_more(window, qtbot) -> int:
     return count
 
 
-def test_another_n_while_a_fit_is_paused(fitting, idle, qtbot):
+def test_another_n_while_a_fit_is_paused_and_while_it_runs(fitting, idle, qtbot):
     window = fitting
     window.fits.pause()
     window.panels_fit.n.setValue(15)
     window.panels_fit.n.setValue(14)
     qtbot.wait(300)  # the step that was under way may still arrive
     window.fits.pause()
+    wait_for_more(window, qtbot)
+    # An impossible number does not end the fit.
+    window.fits.change_n(10**6)
+    qtbot.waitUntil(lambda: "or fewer" in window.messages.text, timeout=PATIENCE)
+    assert window.messages.level == "warning"
+    assert "goes on with n = 14" in window.messages.text
     count = wait_for_more(window, qtbot)
     fit = stopped(window, idle)
     assert (fit.n, fit.avatar.n) == (14, 14)
     # The curve is the whole history, the generations before the change included.
     np.testing.assert_allclose(window.curve.losses, fit.history)
     assert count + 3 < len(fit.history) < 50_000
-
-
-def test_an_impossible_n_does_not_end_the_fit(fitting, idle, qtbot):
-    window = fitting
-    window.fits.change_n(10**6)
-    qtbot.waitUntil(lambda: "or fewer" in window.messages.text, timeout=PATIENCE)
-    assert window.messages.level == "warning"
-    assert "goes on with n = 10" in window.messages.text
-    wait_for_more(window, qtbot)
-    fit = stopped(window, idle)
-    assert (fit.n, fit.avatar.n) == (10, 10)
 
 
 def test_a_cancelled_fit_is_let_go(fitting, idle):

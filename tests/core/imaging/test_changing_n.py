@@ -18,7 +18,7 @@ from mbstudio.core.metaball.field import field_at
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import cut_box, ellipsoid, grain_where
 
-OPTIONS = {"fast": {"generations": 25}, "paper": {"generations": 200, "hull_points": 1500}}
+OPTIONS = {"fast": {"generations": 25}, "paper": {"generations": 150, "hull_points": 1200}}
 METHODS = pytest.mark.parametrize("method", ["fast", "paper"])
 
 
@@ -71,8 +71,10 @@ def advance(run: FitRun, generations: int) -> SearchStep:
 
 
 @METHODS
-@pytest.mark.parametrize("generations", [0, 10, 1000])
-@pytest.mark.parametrize("shape", ["cobble", "angular", "craggy"])
+@pytest.mark.parametrize(
+    ("shape", "generations"),
+    [("cobble", 0), ("cobble", 1000), ("angular", 0), ("angular", 10), ("craggy", 10), ("craggy", 1000)],
+)
 @pytest.mark.parametrize("n", [40, 10, 1])
 def test_never_worse_than_a_fresh_start(
     grains: dict[str, Grain], known: dict[tuple, float], method, n: int, shape: str, generations: int

@@ -152,7 +152,7 @@ def test_batches_of_sgd_are_drawn_by_the_seed(egg: Grain) -> None:
 
 
 def test_a_ball_is_used_up_by_one_sphere_and_refused_where_the_letter_stops() -> None:
-    ball = grain_where(ellipsoid(7.2, 7.2, 7.2), 9, VoxelSize(1, 1, 1, "um"), name="ball")
+    ball = grain_where(ellipsoid(4.2, 4.2, 4.2), 6, VoxelSize(1, 1, 1, "um"), name="ball")
     ready = prepare(ball, working_side=200)
     most = len(list(cluster_to_the_letter(ready.mask, ready.spacing, 1000)))
     with pytest.raises(FitError, match=f"'ball'.*ask for n = {most} or fewer"):
