@@ -37,6 +37,14 @@ def fit(
     method: Annotated[
         str, typer.Option("--method", help="'fast', or 'paper' for its algorithms to the letter.")
     ] = "fast",
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option",
+            metavar="NAME=VALUE",
+            help="An option of the method; may be given again. See the guide.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
     workers: inputs.WorkersOption = None,
     grains: Annotated[
@@ -70,9 +78,11 @@ def fit(
     project is saved with the avatars there are; the same command then goes on with the rest.
     """
     from mbstudio.core.grains import Grain
+    from mbstudio.core.imaging.options import read_options
     from mbstudio.core.project import FitSettings, Project
 
     begun = time.monotonic()
+    options = read_options(method, option or ())  # type: ignore[arg-type]
     output = _choose_output(source, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold)
     if inputs.is_mesh(source):
@@ -89,7 +99,7 @@ def fit(
     if project.grains is None or labels is not None or settings:
         inputs.find_grains(project, labels, settings)
     assert project.grains is not None
-    project.change("Fit settings", fit_settings=FitSettings(n, method, seed))  # type: ignore[arg-type]
+    project.change("Fit settings", fit_settings=FitSettings(n, method, seed, options))  # type: ignore[arg-type]
 
     chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
     outcome = fit_into(project, chosen, workers)
@@ -164,7 +174,8 @@ def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
 
     # The window fits single grains with the seed itself, a batch with one made of it.
     seeds = (settings.seed, grain_seed(settings.seed, label))
-    return done.n == settings.n and done.method == settings.method and done.seed in seeds
+    same = done.n == settings.n and done.method == settings.method and done.seed in seeds
+    return same and dict(done.options) == dict(settings.options)
 
 
 def fit_into(project: Project, labels: list[int], workers: int | None = None) -> Outcome:
@@ -175,8 +186,9 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
     settings = project.state.fit_settings
     assert project.grains is not None
     items: Any = fit_many(
-        project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers
-    )
+        project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers,
+        options=settings.options,
+    )  # fmt: skip
     with console.progress("Fitting") as report, _terminate_as_interrupt():
         try:
             for done, item in enumerate(items, start=1):

@@ -120,6 +120,46 @@ def test_fit_of_named_grains_and_anew(mbstudio, fitted_project, tmp_path):
     assert {fit.n for fit in Project.open(fitted_project).fits.values()} == {12}
 
 
+def test_options_of_a_method(mbstudio, fitted_project, tmp_path):
+    path = tmp_path / "paper.mbs"
+
+    def fitted(*options: str) -> int:
+        source = path if path.exists() else fitted_project
+        words = [word for option in options for word in ("--option", option)]
+        ran = mbstudio(
+            "fit", source, "--method", "paper", "-n", 5, *words, "--limit", 1, "--workers", 0,
+            "-o", path, "--json",
+        )  # fmt: skip
+        assert ran.code == 0, ran.err
+        return json.loads(ran.out)["fitted"]
+
+    assert fitted("generations=3", "unit=voxel", "common_factor=no") == 1
+    with Project.open(path) as project:
+        (fit,) = (fit for fit in project.fits.values() if fit.method == "paper")
+        assert len(fit.history) == 4
+        given = {"generations": 3, "unit": "voxel", "common_factor": False}
+        assert dict(fit.options) == given
+        assert dict(project.state.fit_settings.options) == given
+        (label,) = (label for label, fit in project.fits.items() if fit.method == "paper")
+    # The same options go on with the next grain; others begin with the first again.
+    assert fitted("common_factor=no", "generations=3", "unit=voxel") == 1
+    with Project.open(path) as project:
+        assert sum(fit.method == "paper" for fit in project.fits.values()) == 2
+    assert fitted("generations=2") == 1
+    with Project.open(path) as project:
+        assert len(project.fits[label].history) == 3
+    before = path.read_bytes()
+    for option, words in (
+        ("speed=3", "no option 'speed'"),
+        ("weight=cube", "weight=square"),
+        ("n", "name=value"),
+    ):
+        ran = mbstudio("fit", path, "--method", "paper", "--option", option)
+        assert ran.code == 1
+        assert words in ran.err
+    assert path.read_bytes() == before
+
+
 def test_an_interrupted_fit_keeps_what_is_done(mbstudio, small_scan_file, tmp_path, monkeypatch):
     from mbstudio.core import batch
 

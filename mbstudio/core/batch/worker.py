@@ -62,8 +62,9 @@ def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
     told = {name: tuple(head["verdict"][name]) for name in ("reasons", "remarks")}
     verdict = Verdict(**{**head["verdict"], **told})
     return FitResult(
-        avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"]
-    ), None
+        avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"],
+        head["options"],
+    ), None  # fmt: skip
 
 
 def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) -> None:
@@ -80,6 +81,7 @@ def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) 
         "method": result.method,
         "n": result.n,
         "seed": result.seed,
+        "options": dict(result.options),
     }
     arrays = {
         "centers": avatar.centers,

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 
+from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.metaball.field import field_at
 
+# Shifts of a split that are tried, in those of the widest: near the end of a search shorter ones
+# keep what was reached, but points too near to one another part slowly.
+_SHIFTS = (1.0, 0.6, 0.35)
+
 
 def control_of_spheres(
-    prepared: PreparedGrain, spheres: Sequence[Sphere], *, weight: str = "square", common_factor: bool = True
+    prepared: PreparedGrain,
+    spheres: Sequence[Sphere],
+    *,
+    weight: Literal["square", "radius"] = "square",
+    common_factor: bool = True,
+    radius_offset: float = 0.5,
 ) -> Float64[np.ndarray, "4 n"]:
     """Return control points (rows x, y, z, k in the working frame) from inscribed spheres.
 
@@ -21,16 +32,20 @@ def control_of_spheres(
     ----------
     prepared : PreparedGrain
     spheres : sequence of Sphere
-        Radii in working lengths, as the distance transform gives them: half a voxel is taken off.
+        Radii in working lengths, as the distance transform gives them.
     weight : {'square', 'radius'}
         k = r**2, so that one sphere alone is its own metaball; or k = r as the paper prints it.
     common_factor : bool
         Whether all k are divided by one factor so that ln f is 0 on average over the hull: many
         spheres at their own weights are far too large together.
+    radius_offset : float
+        Voxels taken off each radius, of which a quarter of a voxel is left at least: the transform
+        reaches to the centre of the nearest voxel outside, half a voxel beyond the surface.
     """
     voxels = np.array([sphere.voxel for sphere in spheres], dtype=np.float64)
     radii = np.maximum(
-        np.array([sphere.radius for sphere in spheres]) - 0.5 * prepared.voxel, 0.25 * prepared.voxel
+        np.array([sphere.radius for sphere in spheres]) - radius_offset * prepared.voxel,
+        0.25 * prepared.voxel,
     )
     control = np.empty((4, len(spheres)))
     control[:3] = (voxels[:, ::-1] * prepared.spacing + prepared.origin).T
@@ -42,7 +57,7 @@ def control_of_spheres(
 
 def rescale(control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain) -> None:
     """Divide all k, in place, by one factor so that the mean of ln f over the hull is 0."""
-    field = field_at(prepared.hull[:: max(1, len(prepared.hull) // 6000)], control)
+    field = field_at(_some_hull(prepared), control)
     control[3] /= np.exp(np.mean(np.log(field)))
 
 
@@ -52,19 +67,25 @@ def with_number(
     """Return `n` control points made from those there are: the worst split, or the nearest merged.
 
     Splitting a point into two halves of its weight, a short way apart, hardly changes f; the worst
-    are those nearest to the hull points that lie farthest from the surface now.
+    are those nearest to the hull points that lie farthest from the surface now. One factor on all
+    weights follows where it lowers the loss.
     """
-    changed = _merged(control, n) if n < control.shape[1] else _split(control, n, prepared)
-    if n != control.shape[1]:
-        rescale(changed, prepared)
-    return changed
+    if n == control.shape[1]:
+        return control.copy()
+    points = _some_hull(prepared)
+    changed = _merged(control, n) if n < control.shape[1] else _split(control, n, points)
+    scaled = changed.copy()
+    rescale(scaled, prepared)
+    return min(changed, scaled, key=lambda one: mean_loss(field_at(points, one)))
 
 
-def _split(control: np.ndarray, n: int, prepared: PreparedGrain) -> np.ndarray:
+def _some_hull(prepared: PreparedGrain) -> np.ndarray:
+    return prepared.hull[:: max(1, len(prepared.hull) // 6000)]
+
+
+def _split(control: np.ndarray, n: int, points: np.ndarray) -> np.ndarray:
     from scipy.spatial import cKDTree
 
-    stride = max(1, len(prepared.hull) // 6000)
-    points = prepared.hull[::stride]
     while control.shape[1] < n:
         # At most a third of the points are split at once, so that one bad place cannot take all.
         count = min(n - control.shape[1], max(1, control.shape[1] // 3))
@@ -72,24 +93,36 @@ def _split(control: np.ndarray, n: int, prepared: PreparedGrain) -> np.ndarray:
         _, nearest = cKDTree(control[:3].T).query(points)
         burden = np.bincount(nearest, weights=error, minlength=control.shape[1])
         worst = np.argsort(-burden, kind="stable")[:count]
-        new = control[:, worst].copy()
-        for column, i in enumerate(worst):
-            mine = nearest == i
-            # Along the line to the middle of its error, by a quarter of its radius.
-            toward = (
-                np.average(points[mine], axis=0, weights=error[mine] + 1e-12) - control[:3, i]
-                if mine.any()
-                else control[:3, i]
-            )
-            length = max(float(np.linalg.norm(toward)), 1e-9)
-            shift = toward / length * min(0.25 * np.sqrt(control[3, i]), 0.25 * length)
-            new[:3, column] = control[:3, i] + shift
-            control = control.copy()
-            control[:3, i] -= 0.5 * shift
-        new[3] *= 0.5
-        control[3, worst] *= 0.5
-        control = np.hstack([control, new])
+        shift = _shifts(control, worst, points, nearest, error)
+        tried = [_split_by(control, worst, scale * shift) for scale in _SHIFTS]
+        control = min(tried, key=lambda one: mean_loss(field_at(points, one)))
     return control
+
+
+def _shifts(
+    control: np.ndarray, worst: np.ndarray, points: np.ndarray, nearest: np.ndarray, error: np.ndarray
+) -> np.ndarray:
+    """Return for each point to be split a quarter of its radius along the line to the middle of its error."""
+    shift = np.empty((3, len(worst)))
+    for column, i in enumerate(worst):
+        mine = nearest == i
+        toward = (
+            np.average(points[mine], axis=0, weights=error[mine] + 1e-12) - control[:3, i]
+            if mine.any()
+            else control[:3, i]
+        )
+        length = max(float(np.linalg.norm(toward)), 1e-9)
+        shift[:, column] = toward / length * min(0.25 * np.sqrt(control[3, i]), 0.25 * length)
+    return shift
+
+
+def _split_by(control: np.ndarray, which: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    split, new = control.copy(), control[:, which].copy()
+    new[:3] += shift
+    split[:3, which] -= 0.5 * shift
+    new[3] *= 0.5
+    split[3, which] *= 0.5
+    return np.hstack([split, new])
 
 
 def _merged(control: np.ndarray, n: int) -> np.ndarray:

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64
 
-from mbstudio.core.grains.grain import Grain
+from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.guard import (
     ITERATIONS_PER_ROUND,
     MOST_ROUNDS,
     force_sound,
-    lies_outside,
     mend_handles,
     repair,
 )
 from mbstudio.core.imaging.loss import mean_loss
-from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere
-from mbstudio.core.imaging.steps import SearchStep, Verdict
+from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area
 from mbstudio.core.metaball.topology import Topology, topology
-from mbstudio.core.metaball.validity import check
 
 
 @dataclass(frozen=True)
@@ -51,6 +48,13 @@ class FastOptions:
     working_side: int = 120
     hull_points: int = 24_000
     refine: RefineSettings = field(default_factory=RefineSettings)
+
+    def __post_init__(self) -> None:
+        for name, least in (("generations", 1), ("working_side", 4), ("hull_points", 10)):
+            if getattr(self, name) < least:
+                raise FitError(
+                    f"{name} = {getattr(self, name)} does not suit method 'fast': give {least} or more."
+                )
 
 
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
@@ -82,34 +86,30 @@ class FastFit(StepRun):
     """Step object of ``method='fast'``; see :class:`~mbstudio.core.imaging.steps.FitRun`."""
 
     method = "fast"
+    options: FastOptions
+    _refinement: Refinement | None = None
+    _found: Topology | None = None
 
-    def __init__(self, grain: Grain, n: int, seed: int, options: FastOptions) -> None:
-        self.options = options
-        self._default_generations = options.generations
-        self._refinement: Refinement | None = None
-        self._found: Topology | None = None
-        super().__init__(grain, n, seed)
-
-    def _prepare(self) -> PreparedGrain:
-        return prepare(
-            self.grain,
-            self.seed,
-            working_side=self.options.working_side,
-            hull_points=self.options.hull_points,
-        )
-
-    def _spheres(self, n: int) -> Iterator[Sphere]:
+    def _further_spheres(self, n: int) -> Iterator[Sphere]:
         # All at once: they take milliseconds, and a grain that is too small says so before the first step.
         assert self.prepared is not None
         found = clustered(self.prepared, n)
         if len(found) < n:
             raise TooManyControlPoints(self.grain, n, len(found))
-        return iter(found)
+        return iter(found[len(self._spheres_found) :])
 
-    def _start(self, spheres: list[Sphere]) -> None:
+    def _control_of(self, spheres: Sequence[Sphere]) -> np.ndarray:
         assert self.prepared is not None
-        self._spheres_found = list(spheres)
-        self._begin(control_of_spheres(self.prepared, spheres), self.options.refine)
+        return control_of_spheres(self.prepared, spheres)
+
+    def _begin_at(self, control: np.ndarray) -> float:
+        self._begin(control, self.options.refine)
+        assert self._refinement is not None
+        return mean_loss(self._refinement.field_on_hull())
+
+    def _rms_now(self) -> float:
+        assert self._refinement is not None
+        return self._refinement.rms()
 
     def _begin(self, control: np.ndarray, settings: RefineSettings) -> None:
         assert self.prepared is not None
@@ -117,20 +117,8 @@ class FastFit(StepRun):
         search.settle()
         self._refinement, self.control, self._found = search, search.control, None
 
-    def _change_number(self, n: int) -> None:
-        assert self._refinement is not None
-        assert self.control is not None
-        assert self.prepared is not None
-        self._begin(with_number(self.control, n, self.prepared), self.options.refine)
-
-    def _judge(self) -> Verdict:
-        assert self.prepared is not None
-        assert self.control is not None
-        return check(
-            self.prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
-            outside=lies_outside(self.control, self.prepared), asked=self.n,
-            grain_genus=self.prepared.genus,
-        )  # fmt: skip
+    def _topology_known(self) -> Topology | None:
+        return self._found
 
     def _step(self, generations: int, note: str = "") -> SearchStep:
         assert self._refinement is not None
@@ -141,9 +129,7 @@ class FastFit(StepRun):
     def _search(self, generations: int) -> Iterator[SearchStep]:
         last = max(self.generation, 0) + generations
         if self.generation < 0 or self._found is None:
-            yield self._step(
-                last, note="" if self.generation < 0 else f"goes on with {self.n} control points"
-            )
+            yield self._step(last, self._take_note())
         # The last generation is kept for the volume, some before it for the area.
         for_area = _STEPS_FOR_AREA if generations > 2 * _STEPS_FOR_AREA else 0
         yield from self._descend(max(1, generations - 1 - for_area), last)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from typing import Any
 
-from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.imaging.options import make_options
 from mbstudio.core.imaging.steps import FitResult, FitRun, Method, SearchStep
 
 
@@ -25,31 +24,21 @@ def start_fit(grain: Grain, n: int = 40, method: Method = "fast", seed: int = 0,
         Of everything random; the same seed gives the same avatar.
     **options
         Of :class:`~mbstudio.core.imaging.fast.FastOptions` or
-        :class:`~mbstudio.core.imaging.gradient_search.PaperOptions`.
+        :class:`~mbstudio.core.imaging.paper_options.PaperOptions`.
 
     Raises
     ------
     FitError
         If n is no positive whole number, the grain is too small for it, or an option is unknown.
     """
-    # A method's module is imported when it is used: their kernels need not all be loaded.
+    chosen = make_options(method, options)
     if method == "fast":
-        from mbstudio.core.imaging.fast import FastFit, FastOptions
+        from mbstudio.core.imaging.fast import FastFit
 
-        return FastFit(grain, n, seed, _options(FastOptions, options, method))
-    if method == "paper":
-        from mbstudio.core.imaging.gradient_search import PaperFit, PaperOptions
+        return FastFit(grain, n, seed, chosen)
+    from mbstudio.core.imaging.gradient_search import PaperFit
 
-        return PaperFit(grain, n, seed, _options(PaperOptions, options, method))
-    raise FitError(f"There is no fit method '{method}': use 'fast' or 'paper'.")
-
-
-def _options(kind: type[Any], options: dict[str, Any], method: str) -> Any:
-    known = [field.name for field in fields(kind)]
-    for name in options:
-        if name not in known:
-            raise FitError(f"Method '{method}' has no option '{name}': it has {', '.join(known)}.")
-    return kind(**options)
+    return PaperFit(grain, n, seed, chosen)
 
 
 def fit(

@@ -1,6 +1,7 @@
 """The paper's method: Algorithm 1 to the letter, then the gradient search of Algorithm 2.
 
-What the paper leaves open is an option of :class:`PaperOptions`, with its reason. The optimisers
+What the paper leaves open is an option of
+:class:`~mbstudio.core.imaging.paper_options.PaperOptions`, with its reason. The optimisers
 are written out here, a few lines each, with the arithmetic of ``torch.optim.Adam`` and
 ``torch.optim.SGD``: the gradient is analytic, so torch would add only its seconds of import and
 its threads.
@@ -8,92 +9,21 @@ its threads.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float64
 from numba import njit
 
 from mbstudio.core.errors import FitError
-from mbstudio.core.grains.grain import Grain
-from mbstudio.core.imaging.control_points import control_of_spheres, with_number
+from mbstudio.core.imaging.control_points import control_of_spheres
 from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
+from mbstudio.core.imaging.paper_options import PaperOptions
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.run import StepRun, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_overlapping, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_at
-
-
-@dataclass(frozen=True)
-class PaperOptions:
-    """Options of ``method='paper'``: every choice that the paper leaves open.
-
-    Attributes
-    ----------
-    generations : int
-        E_gs. The paper gives no number.
-    learning_rate : float
-        eta; 0.001 in the paper. Lengths are in units of the RMS radius of the hull.
-    adam_share : float
-        Part of the generations done by Adam; the rest by SGD. The paper combines both without a
-        schedule: Adam travels fast, SGD ends its jitter (the loss has a kink at f = 1).
-    beta1, beta2, epsilon : float
-        Of Adam (Kingma and Ba's values).
-    momentum : float
-        Of SGD; 0 is plain gradient descent, as printed.
-    weight : {'square', 'radius'}
-        Start from k = r**2 (one sphere is then its own metaball), or from k = r as printed.
-    common_factor : bool
-        Whether all k are first divided by one factor so that ln f is 0 on average over the hull.
-    parameter : {'k', 'ln k'}
-        What the optimisers move besides the places: ln k, which cannot leave the positive numbers,
-        or k as printed (kept above `least_k`). With k, plain SGD at the paper's learning rate
-        jumps about the kink of the loss: measured, it ends at 3 to 10 times the loss that Adam
-        had reached.
-    least_k : float
-        Floor of k for parameter='k', in working lengths squared.
-    reduction : {'mean', 'sum'}
-        Whether the gradient is that of the mean over the hull points, or of the sum as printed
-        (then SGD's step grows with the number of points). The loss reported is always the mean.
-    working_side, hull_points : int
-        As in the fast method; the paper works on all voxels and points.
-    clustering : {'letter', 'incremental'}
-        A distance transform for each sphere, or one lowered locally.
-    """
-
-    generations: int = 1500
-    learning_rate: float = 0.001
-    adam_share: float = 0.8
-    beta1: float = 0.9
-    beta2: float = 0.999
-    epsilon: float = 1e-8
-    momentum: float = 0.0
-    weight: Literal["square", "radius"] = "square"
-    common_factor: bool = True
-    parameter: Literal["k", "ln k"] = "ln k"
-    least_k: float = 1e-8
-    reduction: Literal["mean", "sum"] = "mean"
-    working_side: int = 200
-    hull_points: int = 24_000
-    clustering: Literal["letter", "incremental"] = "letter"
-
-    def __post_init__(self) -> None:
-        allowed = {
-            "weight": ("square", "radius"), "parameter": ("k", "ln k"), "reduction": ("mean", "sum"),
-            "clustering": ("letter", "incremental"),
-        }  # fmt: skip
-        for name, values in allowed.items():
-            if getattr(self, name) not in values:
-                raise FitError(
-                    f"{name} = {getattr(self, name)!r} is no choice of method 'paper': use one of {values}."
-                )
-        if self.generations < 1 or self.learning_rate <= 0 or not 0 <= self.adam_share <= 1:
-            raise FitError(
-                "Method 'paper' needs generations >= 1, learning_rate > 0 and adam_share between 0 and 1."
-            )
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
@@ -162,44 +92,44 @@ class PaperFit(StepRun):
     """Step object of ``method='paper'``; see :class:`~mbstudio.core.imaging.steps.FitRun`."""
 
     method = "paper"
-
-    def __init__(self, grain: Grain, n: int, seed: int, options: PaperOptions) -> None:
-        self.options = options
-        self._default_generations = options.generations
-        super().__init__(grain, n, seed)
+    options: PaperOptions
+    _begun = False  # whether the control points as they stand have been a step
 
     def _prepare(self) -> PreparedGrain:
+        options = self.options
         return prepare(
-            self.grain,
-            self.seed,
-            working_side=self.options.working_side,
-            hull_points=self.options.hull_points,
-        )
+            self.grain, self.seed, working_side=options.working_side, hull_points=options.hull_points,
+            hull=options.hull,
+        )  # fmt: skip
 
-    def _spheres(self, n: int) -> Iterator[Sphere]:
+    def _further_spheres(self, n: int) -> Iterator[Sphere]:
         assert self.prepared is not None
-        if self.options.clustering == "incremental":
-            yield from clustered(self.prepared, n)
+        prepared, options, before = self.prepared, self.options, len(self._spheres_found)
+        if options.clustering == "incremental":
+            yield from clustered(prepared, n)[before:]
             return
-        found = []
-        for sphere in cluster_to_the_letter(self.prepared.mask, self.prepared.spacing, n):
+        found = list(self._spheres_found)
+        for sphere in cluster_to_the_letter(
+            prepared.mask, prepared.spacing, n, found=tuple(found), closed=options.zeroed == "closed"
+        ):
             found.append(sphere)
             yield sphere
-        if len(found) < n:  # the algorithm has used up the grain; the paper does not say what then
-            transform = self.prepared.distance + np.float32(0.5 * self.prepared.voxel)
-            yield from cluster_overlapping(transform, self.prepared.spacing, found, n, self.prepared.voxel)
+        if len(found) < n and options.used_up == "overlap":
+            transform = prepared.distance + np.float32(0.5 * prepared.voxel)
+            yield from cluster_overlapping(transform, prepared.spacing, found, n, prepared.voxel)
 
-    def _start(self, spheres: list[Sphere]) -> None:
+    def _control_of(self, spheres: Sequence[Sphere]) -> np.ndarray:
         assert self.prepared is not None
-        self._spheres_found = list(spheres)
-        self.control = control_of_spheres(
-            self.prepared, spheres, weight=self.options.weight, common_factor=self.options.common_factor
-        )
+        options = self.options
+        return control_of_spheres(
+            self.prepared, spheres, weight=options.weight, common_factor=options.common_factor,
+            radius_offset=options.radius_offset,
+        )  # fmt: skip
 
-    def _change_number(self, n: int) -> None:
+    def _begin_at(self, control: np.ndarray) -> float:
         assert self.prepared is not None
-        assert self.control is not None
-        self.control = with_number(self.control, n, self.prepared)
+        self.control, self._begun = control, False
+        return mean_loss(field_at(self.prepared.hull, control))
 
     def _rms_now(self) -> float:
         assert self.prepared is not None
@@ -216,35 +146,51 @@ class PaperFit(StepRun):
         adam = Adam(options.learning_rate, options.beta1, options.beta2, options.epsilon)
         descent = GradientDescent(options.learning_rate, options.momentum)
         adam_until = round(options.adam_share * generations)
+        rng = np.random.default_rng([self.seed, 3, self.generation + 1])
         last = max(self.generation, 0) + generations
         loss, gradient = loss_and_gradient(hull, self.control)
-        if self.generation < 0:
-            yield self._record(loss, self._rms_now(), last)
+        if not self._begun:
+            self._begun = True
+            yield self._record(loss, self._rms_now(), last, self._take_note())
         for done in range(generations):
-            if options.reduction == "sum":
-                gradient = gradient * len(hull)
-            optimiser = adam if done < adam_until else descent
-            moved = self.control.copy()
-            if options.parameter == "ln k":
-                gradient[3] *= moved[3]
-                change = optimiser.change(gradient)
-                moved[3] *= np.exp(np.clip(change[3], -50, 50))
-            else:
-                change = optimiser.change(gradient)
-                moved[3] = np.maximum(moved[3] + change[3], options.least_k)
-            moved[:3] += change[:3]
-            sound = (
-                np.isfinite(moved).all()
-                and np.abs(moved[:3]).max() < 1e3
-                and 0 < moved[3].min() <= moved[3].max() < 1e6
-            )
-            if not sound:
-                raise FitError(
-                    f"The paper's search diverged at generation {self.generation + 1} "
-                    f"on grain '{self.grain.name}': "
-                    f"take a smaller learning_rate than {options.learning_rate:g}."
-                )
-            self.control = moved
-            loss, gradient = loss_and_gradient(hull, moved)
+            optimiser: Adam | GradientDescent = adam if done < adam_until else descent
+            if optimiser is descent and 0 < options.batch_points < len(hull):
+                batch = hull[rng.choice(len(hull), options.batch_points, replace=False)]
+                gradient = loss_and_gradient(batch, self.control)[1]
+            self.control = self._moved(self.control, gradient, optimiser)
+            loss, gradient = loss_and_gradient(hull, self.control)
             note = "SGD takes over from Adam" if done == adam_until and adam_until else ""
             yield self._record(loss, self._rms_now(), last, note)
+
+    def _moved(
+        self, control: np.ndarray, gradient: np.ndarray, optimiser: Adam | GradientDescent
+    ) -> np.ndarray:
+        """Return the control points after one generation, given the gradient of the mean loss."""
+        assert self.prepared is not None
+        options, moved, slope = self.options, control.copy(), gradient.copy()
+        # Optimisers see lengths in `unit`: places are longer by this factor, slopes flatter.
+        length = 1.0 if options.unit == "rms radius" else 1.0 / self.prepared.voxel
+        if options.reduction == "sum":
+            slope *= len(self.prepared.hull)
+        slope[:3] /= length
+        if options.parameter == "ln k":
+            slope[3] *= moved[3]
+            change = optimiser.change(slope)
+            moved[3] *= np.exp(np.clip(change[3], -50, 50))
+        else:
+            slope[3] /= length**2
+            change = optimiser.change(slope)
+            moved[3] = np.maximum(moved[3] + change[3] / length**2, options.least_k)
+        moved[:3] += change[:3] / length
+        sound = (
+            np.isfinite(moved).all()
+            and np.abs(moved[:3]).max() < 1e3
+            and 0 < moved[3].min() <= moved[3].max() < 1e6
+        )
+        if not sound:
+            raise FitError(
+                f"The paper's search diverged at generation {self.generation + 1} "
+                f"on grain '{self.grain.name}': "
+                f"take a smaller learning_rate than {options.learning_rate:g}."
+            )
+        return moved

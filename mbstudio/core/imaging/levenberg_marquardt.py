@@ -131,6 +131,33 @@ def weighted_sums_of_rows(rows, weights, out):  # pragma: no cover - compiled
         out[a] = total
 
 
+@njit(inline="always")
+def _tile(a0, a1, a2, a3, b0, b1, b2, b3, count, zero):  # pragma: no cover - compiled
+    """Return the 16 dot products of four rows with four others, over their first `count` places."""
+    s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = zero
+    s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = zero
+    for p in range(count):
+        u0, u1, u2, u3 = a0[p], a1[p], a2[p], a3[p]
+        v0, v1, v2, v3 = b0[p], b1[p], b2[p], b3[p]
+        s00 += u0 * v0
+        s01 += u0 * v1
+        s02 += u0 * v2
+        s03 += u0 * v3
+        s10 += u1 * v0
+        s11 += u1 * v1
+        s12 += u1 * v2
+        s13 += u1 * v3
+        s20 += u2 * v0
+        s21 += u2 * v1
+        s22 += u2 * v2
+        s23 += u2 * v3
+        s30 += u3 * v0
+        s31 += u3 * v1
+        s32 += u3 * v2
+        s33 += u3 * v3
+    return s00, s01, s02, s03, s10, s11, s12, s13, s20, s21, s22, s23, s30, s31, s32, s33
+
+
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
 def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - compiled
     """Add J J^T to the lower triangle of `matrix` and J r to `gradient`, J = rows [parameter, point].
@@ -161,27 +188,9 @@ def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - c
                     rows[b + 2, start:stop],
                     rows[b + 3, start:stop],
                 )
-                s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = np.float32(0.0)
-                s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = np.float32(0.0)
-                for p in range(stop - start):
-                    u0, u1, u2, u3 = a0[p], a1[p], a2[p], a3[p]
-                    v0, v1, v2, v3 = b0[p], b1[p], b2[p], b3[p]
-                    s00 += u0 * v0
-                    s01 += u0 * v1
-                    s02 += u0 * v2
-                    s03 += u0 * v3
-                    s10 += u1 * v0
-                    s11 += u1 * v1
-                    s12 += u1 * v2
-                    s13 += u1 * v3
-                    s20 += u2 * v0
-                    s21 += u2 * v1
-                    s22 += u2 * v2
-                    s23 += u2 * v3
-                    s30 += u3 * v0
-                    s31 += u3 * v1
-                    s32 += u3 * v2
-                    s33 += u3 * v3
+                (
+                    s00, s01, s02, s03, s10, s11, s12, s13, s20, s21, s22, s23, s30, s31, s32, s33,
+                ) = _tile(a0, a1, a2, a3, b0, b1, b2, b3, stop - start, np.float32(0.0))  # fmt: skip
                 matrix[a, b] += s00
                 matrix[a, b + 1] += s01
                 matrix[a, b + 2] += s02
@@ -212,27 +221,9 @@ def solve_damped(matrix, damping, gradient, factor, step):  # pragma: no cover -
             # 4 x 4 tile of matrix minus the dot products of the rows of the factor so far.
             a0, a1, a2, a3 = factor[a], factor[a + 1], factor[a + 2], factor[a + 3]
             b0, b1, b2, b3 = factor[b], factor[b + 1], factor[b + 2], factor[b + 3]
-            s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = 0.0
-            s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = 0.0
-            for p in range(b):
-                u0, u1, u2, u3 = a0[p], a1[p], a2[p], a3[p]
-                v0, v1, v2, v3 = b0[p], b1[p], b2[p], b3[p]
-                s00 += u0 * v0
-                s01 += u0 * v1
-                s02 += u0 * v2
-                s03 += u0 * v3
-                s10 += u1 * v0
-                s11 += u1 * v1
-                s12 += u1 * v2
-                s13 += u1 * v3
-                s20 += u2 * v0
-                s21 += u2 * v1
-                s22 += u2 * v2
-                s23 += u2 * v3
-                s30 += u3 * v0
-                s31 += u3 * v1
-                s32 += u3 * v2
-                s33 += u3 * v3
+            (
+                s00, s01, s02, s03, s10, s11, s12, s13, s20, s21, s22, s23, s30, s31, s32, s33,
+            ) = _tile(a0, a1, a2, a3, b0, b1, b2, b3, b, 0.0)  # fmt: skip
             a0[b], a0[b + 1], a0[b + 2], a0[b + 3] = s00, s01, s02, s03
             a1[b], a1[b + 1], a1[b + 2], a1[b + 3] = s10, s11, s12, s13
             a2[b], a2[b + 1], a2[b + 2], a2[b + 3] = s20, s21, s22, s23

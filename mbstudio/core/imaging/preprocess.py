@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
@@ -196,8 +197,25 @@ def _hull_points(
     return chosen, float(areas.sum()) if sharpened else float("nan")
 
 
+def _outermost_voxels(
+    mask: np.ndarray, spacing: np.ndarray, count: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the centres (x, y, z), relative to the first voxel, of voxels with a face to the outside."""
+    from scipy.ndimage import binary_erosion
+
+    outermost = np.argwhere(mask & ~binary_erosion(mask))
+    if len(outermost) > count:
+        outermost = outermost[rng.choice(len(outermost), count, replace=False, shuffle=False)]
+    return outermost[:, ::-1] * spacing
+
+
 def prepare(
-    grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000
+    grain: Grain,
+    seed: int = 0,
+    *,
+    working_side: int = 120,
+    hull_points: int = 24_000,
+    hull: Literal["surface", "voxels"] = "surface",
 ) -> PreparedGrain:
     """Crop, pad, coarsen and centre a grain; find its signed distance and hull points.
 
@@ -211,6 +229,8 @@ def prepare(
         keeps the share of each block and so the place of the surface.
     hull_points : int
         Points on the surface at most.
+    hull : {'surface', 'voxels'}
+        Points spread evenly over the smoothed surface, or the centres of the outermost voxels.
 
     Raises
     ------
@@ -226,7 +246,9 @@ def prepare(
     spacing = spacing_zyx[::-1].copy()
     mask = share >= 0.5
     if not mask.any():
+        # A plate thinner than half a block: all that it touches, or there would be no surface.
         mask = share > 0
+        share[mask] = 1.0
     mask, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
     if filled:
         share[mask & (share < 0.5)] = 1.0
@@ -243,9 +265,14 @@ def prepare(
         smoothing = 1.0 if np.cbrt(6 * count / np.pi) >= _SMALL_DIAMETER else _SMOOTHING_OF_FEW
     # Few or long voxels have steps that a sharper surface would follow.
     sharpened = smoothing != _SMOOTHING_OF_FEW and spacing.max() < _LONG_VOXELS * spacing.min()
-    hull, area = _hull_points(share, spacing, smoothing, sharpened, hull_points, rng)
-    middle = hull.mean(axis=0)
-    scale = float(np.sqrt(((hull - middle) ** 2).sum(axis=1).mean()))
+    if hull == "voxels":
+        points, area = _outermost_voxels(mask, spacing, hull_points, rng), float("nan")
+    else:
+        points, area = _hull_points(share, spacing, smoothing, sharpened, hull_points, rng)
+    middle = points.mean(axis=0)
+    scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
+    if scale <= 0:  # a single voxel is its own hull
+        scale = 0.5 * voxel
 
     depth = max(2 * voxel, 0.06 * float(distance.max()))
     deep = np.flatnonzero(distance.ravel() > depth)
@@ -256,7 +283,7 @@ def prepare(
     voxels = grain.voxel_count + filled * int(np.prod(blocks))
     return PreparedGrain(
         grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
-        spacing=spacing / scale, voxel=voxel / scale, hull=(hull - middle) / scale,
+        spacing=spacing / scale, voxel=voxel / scale, hull=(points - middle) / scale,
         interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
         volume=voxels * grain.voxel_size.volume / scale**3, area=area / scale**2, center=first + middle,

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from jaxtyping import Float64
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
-from mbstudio.core.imaging.control_points import control_of_spheres
+from mbstudio.core.imaging.control_points import control_of_spheres, with_number
+from mbstudio.core.imaging.options import changed_options
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep, Verdict
 from mbstudio.core.metaball.avatar import Avatar
+
+if TYPE_CHECKING:
+    from mbstudio.core.metaball.topology import Topology
 
 
 def clustered(prepared: PreparedGrain, n: int) -> list[Sphere]:
@@ -55,19 +61,44 @@ class TooManyControlPoints(FitError):
         return FitError, (str(self),)
 
 
-class StepRun:
-    """Base of the step objects; a method fills in :meth:`_spheres` and :meth:`_search`.
+class _Options(Protocol):
+    """What the options of both methods hold."""
+
+    @property
+    def generations(self) -> int: ...
+    @property
+    def working_side(self) -> int: ...
+    @property
+    def hull_points(self) -> int: ...
+
+
+class StepRun(ABC):
+    """Base of the step objects; a method fills in clustering, start and search.
 
     The steps come from one generator; changing the number of control points or asking for more
     generations replaces it by another that goes on from the state as it stands.
+
+    Parameters
+    ----------
+    grain : Grain
+    n : int
+        Number of control points.
+    seed : int
+    options : FastOptions or PaperOptions
+
+    Raises
+    ------
+    FitError
+        If n is no positive whole number, or more than the grain has voxels for.
     """
 
     method: Method
 
-    def __init__(self, grain: Grain, n: int, seed: int) -> None:
+    def __init__(self, grain: Grain, n: int, seed: int, options: Any) -> None:
         self.grain = grain
         self.n = checked_number(n, grain)
         self.seed = int(seed)
+        self.options: _Options = options
         self.prepared: PreparedGrain | None = None
         self.control: Float64[np.ndarray, "4 n"] | None = None
         self.generation = -1
@@ -75,6 +106,7 @@ class StepRun:
         self._losses: list[float] = []
         self._rms: list[float] = []
         self._verdict: Verdict | None = None
+        self._note = ""
         self._steps: Iterator[SearchStep] = self._all_steps()
 
     def __iter__(self) -> Iterator[SearchStep]:
@@ -84,26 +116,32 @@ class StepRun:
         return next(self._steps)
 
     def change_control_points(self, n: int) -> None:
-        """Go on from here with another number of control points (those there are kept, split or merged).
+        """Go on from here with another number of control points.
+
+        Those there are are kept, split or merged; where that leaves a larger loss than a start
+        from n spheres (few control points do not say where many belong), the search starts there.
 
         Raises
         ------
         FitError
-            If the grain cannot hold n control points.
+            If the grain cannot hold n control points; the run then stays as it was.
         """
         n = checked_number(n, self.grain)
         if n == self.n:
             return
-        if self.control is None:  # still clustering: simply more or fewer spheres
+        if self.prepared is None or self.control is None:  # still clustering: simply more or fewer spheres
             self.n = n
             self._steps = self._all_steps()
             return
-        if n > self.n:
-            self._check_capacity(n)
-        self.n = n
-        self._verdict = None
-        self._change_number(n)
-        self._steps = self._search(self._default_generations)
+        start = self._control_of(self._first_spheres(n))
+        kept = with_number(self.control, n, self.prepared)
+        self.n, self._verdict = n, None
+        self._note = f"goes on with {n} control points"
+        start_loss = self._begin_at(start)
+        if self._begin_at(kept) > start_loss:
+            self._begin_at(start)
+            self._note = f"begins anew with {n} control points: nearer than those there were, split or merged"
+        self._steps = self._search(self.options.generations)
 
     def more_generations(self, count: int) -> None:
         """Let a finished or stopped search go on for `count` more generations.
@@ -140,31 +178,53 @@ class StepRun:
             method=self.method,
             n=self.n,
             seed=self.seed,
+            options=changed_options(self.options),
         )
 
     # What a method brings along.
-    _default_generations: int
+    @abstractmethod
+    def _further_spheres(self, n: int) -> Iterator[Sphere]:
+        """Yield the spheres after those found so far, up to n in all."""
+
+    @abstractmethod
+    def _control_of(self, spheres: Sequence[Sphere]) -> Float64[np.ndarray, "4 n"]:
+        """Return the control points that the search starts from."""
+
+    @abstractmethod
+    def _begin_at(self, control: Float64[np.ndarray, "4 n"]) -> float:
+        """Let the search go on from these control points; return their loss."""
+
+    @abstractmethod
+    def _search(self, generations: int) -> Iterator[SearchStep]:
+        """Yield the generations of the search; first of all the start, where it is new."""
+
+    @abstractmethod
+    def _rms_now(self) -> float:
+        """Return the root mean square surface distance of the control points, in working lengths."""
+
+    def _topology_known(self) -> Topology | None:
+        """Return the topology of the avatar where the method knows it."""
+        return None
 
     def _prepare(self) -> PreparedGrain:
-        raise NotImplementedError
+        options = self.options
+        return prepare(
+            self.grain, self.seed, working_side=options.working_side, hull_points=options.hull_points
+        )
 
-    def _spheres(self, n: int) -> Iterator[Sphere]:
-        raise NotImplementedError
+    def _first_spheres(self, n: int) -> list[Sphere]:
+        """Return n spheres; those of a smaller number are the first of a larger."""
+        if len(self._spheres_found) < n:
+            assert self.prepared is not None
+            self._spheres_found += list(self._further_spheres(n))
+            if len(self._spheres_found) < n:
+                raise TooManyControlPoints(self.grain, n, len(self._spheres_found))
+        return self._spheres_found[:n]
 
-    def _start(self, spheres: list[Sphere]) -> None:
-        raise NotImplementedError
-
-    def _search(self, generations: int) -> Iterator[SearchStep]:
-        raise NotImplementedError
-
-    def _change_number(self, n: int) -> None:
-        raise NotImplementedError
-
-    def _check_capacity(self, n: int) -> None:
-        assert self.prepared is not None
-        found = len(clustered(self.prepared, n))
-        if found < n:
-            raise TooManyControlPoints(self.grain, n, found)
+    def _take_note(self) -> str:
+        """Return what is to be said of the next start, once."""
+        note, self._note = self._note, ""
+        return note
 
     def _judge(self) -> Verdict:
         from mbstudio.core.imaging.guard import lies_outside
@@ -173,22 +233,20 @@ class StepRun:
         assert self.prepared is not None
         assert self.control is not None
         return check(
-            self.prepared.avatar(self.control), self.grain, rms=self._rms[-1],
-            outside=lies_outside(self.control, self.prepared), asked=self.n,
+            self.prepared.avatar(self.control), self.grain, rms=self._rms_now() * self.prepared.scale,
+            found=self._topology_known(), outside=lies_outside(self.control, self.prepared), asked=self.n,
             grain_genus=self.prepared.genus,
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:
         if self.prepared is None:
             self.prepared = self._prepare()
-        prepared, found = self.prepared, []
-        for sphere in self._spheres(self.n):
-            found.append(sphere)
-            yield self._clustering_step(prepared, found)
-        if len(found) < self.n:
-            raise TooManyControlPoints(self.grain, self.n, len(found))
-        self._start(found)
-        yield from self._search(self._default_generations)
+        # After a change of n on the way the spheres found so far are kept.
+        for sphere in self._further_spheres(self.n):
+            self._spheres_found.append(sphere)
+            yield self._clustering_step(self.prepared, self._spheres_found)
+        self._begin_at(self._control_of(self._first_spheres(self.n)))
+        yield from self._search(self.options.generations)
 
     def _clustering_step(self, prepared: PreparedGrain, found: list[Sphere]) -> SearchStep:
         spheres = tuple(found)

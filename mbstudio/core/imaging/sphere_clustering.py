@@ -25,9 +25,14 @@ class Sphere(NamedTuple):
 
 
 def cluster_to_the_letter(
-    mask: Bool[np.ndarray, "Z Y X"], spacing: Float64[np.ndarray, "3"], n: int
+    mask: Bool[np.ndarray, "Z Y X"],
+    spacing: Float64[np.ndarray, "3"],
+    n: int,
+    *,
+    found: Sequence[Sphere] = (),
+    closed: bool = False,
 ) -> Iterator[Sphere]:
-    """Yield up to `n` spheres by Algorithm 1: a distance transform of what is left for every sphere.
+    """Yield spheres by Algorithm 1: a distance transform of what is left for every sphere.
 
     Parameters
     ----------
@@ -36,37 +41,47 @@ def cluster_to_the_letter(
     spacing : float array, shape (3,)
         Voxel edges (x, y, z).
     n : int
+        Spheres in all, those found before included.
+    found : sequence of Sphere
+        The first ones, where the algorithm goes on after a change of n.
+    closed : bool
+        Whether voxels at the radius are zeroed too, or only those nearer.
 
     Notes
     -----
     The radius is the value of the distance transform: the distance from the centre to the centre
-    of the nearest voxel that is outside or already taken. Voxels nearer than the radius are zeroed.
+    of the nearest voxel that is outside or already taken. Of several voxels with the largest
+    value the first in the order z, y, x is the centre.
     """
     import edt
 
     left = np.array(mask, dtype=bool)
     anisotropy = tuple(float(edge) for edge in spacing[::-1])
-    for _ in range(n):
+    # A shade below or above the radius, so that rounding treats all voxels at the radius alike.
+    share = 1.0 + 1e-6 if closed else 1.0 - 1e-6
+    for sphere in found:
+        _zero_ball(left, *sphere.voxel, share * sphere.radius**2, spacing)
+    for _ in range(n - len(found)):
         transform = edt.edt(left, anisotropy=anisotropy, parallel=1)
         index = int(transform.argmax())
         radius = float(transform.flat[index])
         if radius <= 0:
             return
         iz, iy, ix = (int(i) for i in np.unravel_index(index, transform.shape))
-        _zero_ball(left, iz, iy, ix, radius, spacing)
+        _zero_ball(left, iz, iy, ix, share * radius**2, spacing)
         yield Sphere((iz, iy, ix), radius)
 
 
 @njit(cache=True, nogil=True)
-def _zero_ball(left, iz, iy, ix, radius, spacing):  # pragma: no cover - compiled
+def _zero_ball(left, iz, iy, ix, square, spacing):  # pragma: no cover - compiled
     nz, ny, nx = left.shape
+    radius = np.sqrt(square)
     rz, ry, rx = int(radius / spacing[2]) + 1, int(radius / spacing[1]) + 1, int(radius / spacing[0]) + 1
     for jz in range(max(0, iz - rz), min(nz, iz + rz + 1)):
         for jy in range(max(0, iy - ry), min(ny, iy + ry + 1)):
             for jx in range(max(0, ix - rx), min(nx, ix + rx + 1)):
                 dz, dy, dx = (jz - iz) * spacing[2], (jy - iy) * spacing[1], (jx - ix) * spacing[0]
-                # A shade below the radius, so that rounding cannot take the nearest outside voxel's twin.
-                if dz * dz + dy * dy + dx * dx < radius * radius * (1.0 - 1e-6):
+                if dz * dz + dy * dy + dx * dx < square:
                     left[jz, jy, jx] = False
 
 

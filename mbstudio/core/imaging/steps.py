@@ -7,10 +7,10 @@ dropping the object.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -115,6 +115,8 @@ class FitResult:
     n : int
         Control points asked for (the avatar can hold fewer).
     seed : int
+    options : mapping
+        Those of the method's options that were not at their defaults, by name.
     """
 
     avatar: Avatar
@@ -124,6 +126,7 @@ class FitResult:
     method: Method
     n: int
     seed: int
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 class FitRun(Protocol):
@@ -133,7 +136,15 @@ class FitRun(Protocol):
     def __next__(self) -> SearchStep: ...
 
     def change_control_points(self, n: int) -> None:
-        """Go on from here with another number of control points (those there are kept, split or merged)."""
+        """Go on from here with another number of control points, at a loss no larger than a fresh start's.
+
+        Those there are are kept, split or merged, where that is the better of the two.
+
+        Raises
+        ------
+        FitError
+            If the grain cannot hold n control points; the run then stays as it was.
+        """
 
     def more_generations(self, count: int) -> None:
         """Let a finished search go on for `count` more generations."""

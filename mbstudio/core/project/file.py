@@ -14,7 +14,9 @@ Layout (schema 1); every text is UTF-8, nothing is pickled::
 from __future__ import annotations
 
 import io
+import json
 import os
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from types import MappingProxyType
@@ -176,16 +178,22 @@ def _read_state(file: h5py.File, path: Path) -> ProjectState:
 
 
 def _write_record(group: h5py.Group, record: Any) -> None:
-    """Write the fields of a flat record as attributes; None becomes an empty attribute."""
+    """Write the fields of a flat record as attributes; None becomes an empty one, a mapping JSON."""
     for field in fields(record):
         value = getattr(record, field.name)
+        if isinstance(value, Mapping):
+            value = json.dumps(dict(value))
         group.attrs[field.name] = h5py.Empty("f8") if value is None else value
 
 
 def _read_record(group: h5py.Group, kind: type) -> Any:
     """Read a flat record; a field that the file does not have takes its default."""
     known = {field.name for field in fields(kind)}
-    return kind(**{name: _plain(value) for name, value in group.attrs.items() if name in known})
+    values = {name: _plain(value) for name, value in group.attrs.items() if name in known}
+    for field in fields(kind):
+        if field.default_factory is dict and field.name in values:
+            values[field.name] = json.loads(values[field.name])
+    return kind(**values)
 
 
 def _plain(value: Any) -> Any:

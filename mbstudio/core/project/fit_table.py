@@ -6,7 +6,9 @@ and can be read with any HDF5 program.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
@@ -39,9 +41,12 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("smallest_neck", "f8", lambda fit: _or_nan(fit.verdict.smallest_neck)),
     ("grain_genus", "i8", lambda fit: _or_unknown(fit.verdict.grain_genus)),
     ("remarks", _TEXT, lambda fit: "\n".join(fit.verdict.remarks)),
+    ("options", _TEXT, lambda fit: json.dumps(dict(fit.options), default=asdict)),
 )
 # Columns that files written before them do not hold, and what stands for the missing values.
-_LATER = {"smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "remarks": ""}
+_LATER: dict[str, Any] = {
+    "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "remarks": "", "options": "{}",
+}  # fmt: skip
 
 
 def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
@@ -98,6 +103,7 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             method=cells["method"],
             n=cells["n"],
             seed=cells["seed"],
+            options=json.loads(cells["options"]),
         )
     return fits
 

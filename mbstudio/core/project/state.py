@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbstudio.core.imaging.steps import FitResult, Method
 from mbstudio.core.units import VoxelSize
@@ -39,11 +39,12 @@ class ScanReference:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What the next fit will use."""
+    """What the next fit will use; `options` are those of the method that are not at their defaults."""
 
     n: int = 40
     method: Method = "fast"
     seed: int = 0
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.widgets.factors_table import FactorsTable
 from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, row, set_badge
+from mbstudio.ui.widgets.options_form import OptionsForm
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.workspace import Workspace
 
@@ -67,6 +68,8 @@ class FitPanel(Panel):
             ),
             row("Seed", self.seed, "The same seed gives the same avatar"),
         )
+        self.options = OptionsForm()
+        self.add(self.options)
         self._result_heading = label("Result", "heading")
         self.verdict = badge()
         line = QHBoxLayout()
@@ -120,7 +123,10 @@ class FitPanel(Panel):
         change = self._workspace.change_fit_settings
         self.n.valueChanged.connect(lambda value: change(n=value))
         self.n.valueChanged.connect(self._work.change_n)
-        self.method.currentIndexChanged.connect(lambda _: change(method=self.method.currentData()))
+        self.method.currentIndexChanged.connect(
+            lambda _: change(method=self.method.currentData(), options={})
+        )
+        self.options.changed.connect(lambda options: change(options=options))
         self.seed.valueChanged.connect(lambda value: change(seed=value))
         self.pause_button.clicked.connect(self._work.pause)
         self.stop_button.clicked.connect(self._work.stop)
@@ -149,6 +155,7 @@ class FitPanel(Panel):
         self.method.blockSignals(True)
         self.method.setCurrentIndex(self.method.findData(state.fit_settings.method))
         self.method.blockSignals(False)
+        self.options.show_options(state.fit_settings.method, state.fit_settings.options)
         if grains is None:
             self._name.setText("No grains yet")
             self._facts.setText("Find the grains first (station Grains).")

@@ -9,6 +9,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch import fit_many
+from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
@@ -37,6 +38,7 @@ class _Fitting:
     n: int
     run: FitRun | None = None
     stop: bool = False
+    refusal: str = ""  # why the last change of n was not made; told from the main thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +114,15 @@ class FitWork(Work):
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
             control.report(0.0, "Preparing the grain")
-            fitting.run = start_fit(fitting.grain, n=settings.n, method=settings.method, seed=settings.seed)
+            fitting.run = start_fit(
+                fitting.grain, settings.n, settings.method, settings.seed, **settings.options
+            )
             return _drive(fitting)
 
         self.began.emit(label)
-        return self._start(f"Fitting grain {label}", steps, fitting)
+        task = self._start(f"Fitting grain {label}", steps, fitting)
+        task.cancelled.connect(lambda: self._give_up(fitting))
+        return task
 
     def go_on(self, generations: int, n: int) -> Task | None:
         """Let the last fit go on for more generations, with n control points."""
@@ -141,9 +147,13 @@ class FitWork(Work):
             return
 
         def change() -> None:
-            if fitting.run is not None:
+            if fitting.run is None:
+                return
+            try:
                 fitting.run.change_control_points(n)
                 fitting.n = n
+            except FitError as error:  # the fit that runs is not to be lost by it
+                fitting.refusal = f"{error} The fit goes on with n = {fitting.n}."
 
         task.call_between_steps(change)
 
@@ -165,7 +175,7 @@ class FitWork(Work):
 
     def _start(self, title: str, steps: Any, fitting: _Fitting) -> Task:
         task = Task(title, steps, prepare=_prepare, fraction=_fraction)
-        task.reported.connect(lambda report: self._report(fitting.label, report))
+        task.reported.connect(lambda report: self._report(fitting, report))
         task.succeeded.connect(lambda last: self._take(fitting, last))
         task.ended.connect(self.changed)
         task.started.connect(self.changed)
@@ -174,7 +184,16 @@ class FitWork(Work):
         self.changed.emit()
         return task
 
-    def _report(self, label: int, report: Report) -> None:
+    def _give_up(self, fitting: _Fitting) -> None:
+        """Let go of a cancelled fit: grain and distances are megabytes."""
+        fitting.run = None
+        self.changed.emit()
+
+    def _report(self, fitting: _Fitting, report: Report) -> None:
+        label = fitting.label
+        if fitting.refusal:
+            self.said.emit("warning", fitting.refusal)
+            fitting.refusal = ""
         losses = [
             step.loss for step in report.steps if isinstance(step, SearchStep) and step.phase == "search"
         ]
@@ -217,7 +236,10 @@ class FitWork(Work):
 
         def steps(control: Control) -> Iterator[tuple[int, Any]]:
             control.report(0.0, "Starting processes")
-            items = fit_many(grains, wanted, n=settings.n, method=settings.method, seed=settings.seed)
+            items = fit_many(
+                grains, wanted, n=settings.n, method=settings.method, seed=settings.seed,
+                options=settings.options,
+            )  # fmt: skip
             return _count(items, arrived)
 
         task = Task(

@@ -179,3 +179,14 @@ def test_what_can_fit_no_grain_is_refused_at_once(
 ) -> None:
     with pytest.raises(FitError, match=message):
         fit_many(grains, **{"n": 8, **changes})  # type: ignore[arg-type]
+
+
+def test_options_reach_the_processes_and_come_back(grains: list[Grain]) -> None:
+    options = {"generations": 4, "clustering": "incremental", "learning_rate": 0.002, "common_factor": False}
+    (there,) = fit_many(grains, [3], n=4, method="paper", options=options, workers=1)
+    (here,) = fit_many(grains, [3], n=4, method="paper", options=options, workers=0)
+    assert there.result is not None
+    assert here.result is not None
+    assert dict(there.result.options) == dict(here.result.options) == options
+    assert len(there.result.history) == 5
+    np.testing.assert_array_equal(there.result.history, here.result.history)

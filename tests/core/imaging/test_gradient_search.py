@@ -95,7 +95,7 @@ def test_paper_fit_repeats_and_pauses(ellipsoid_grain: Grain) -> None:
         pass
     np.testing.assert_array_equal(run.result().avatar.weights, whole.avatar.weights)
     run.change_control_points(9)
-    assert sum(1 for _ in run) == 20
+    assert sum(1 for _ in run) == 21  # the changed control points themselves, then 20 generations
     assert run.result().avatar.n == 9
     run.more_generations(3)
     assert sum(1 for _ in run) == 3

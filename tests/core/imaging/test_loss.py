@@ -62,3 +62,18 @@ def test_gradient_by_the_control_points_agrees_with_finite_differences() -> None
             loss_and_gradient(hull, control + step)[0] - loss_and_gradient(hull, control - step)[0]
         ) / 2e-6
     np.testing.assert_allclose(gradient, numeric, rtol=1e-4, atol=1e-6)
+
+
+def test_loss_and_gradient_of_one_point_on_each_branch_by_hand() -> None:
+    # One control point of k = 3 at the origin; f = 3 / d**2 is 3, 1.5 and 0.75 at the hull points.
+    control = np.array([[0.0], [0.0], [0.0], [3.0]])
+    hull = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, np.sqrt(2.0)], [-2.0, 0.0, 0.0]])
+    loss, gradient = loss_and_gradient(hull, control)
+    assert loss == pytest.approx((4 + 0.5 + (0.0625 + 1 / 0.75 - 1)) / 3)
+    slope = [4.0, 1.0, -0.5 - 16 / 9]  # 2 (f - 1), 1, 2 (f - 1) - 1 / f**2
+    by_k = [1.0, 0.5, 0.25]  # 1 / d**2
+    assert gradient[3, 0] == pytest.approx(np.dot(slope, by_k) / 3)
+    # df/dx = 2 k (H - c) / d**4: 6 along x, 1.5 sqrt 2 along z, -0.75 along x.
+    assert gradient[0, 0] == pytest.approx((slope[0] * 6 - slope[2] * 0.75) / 3)
+    assert gradient[1, 0] == 0
+    assert gradient[2, 0] == pytest.approx(slope[1] * 1.5 * np.sqrt(2) / 3)

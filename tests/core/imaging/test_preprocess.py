@@ -76,3 +76,39 @@ def test_the_seed_decides_the_points(ellipsoid_grain: Grain) -> None:
 def test_an_empty_mask_is_refused() -> None:
     with pytest.raises(FitError, match="no voxels"):
         prepare(Grain(np.zeros((3, 3, 3), dtype=bool), VoxelSize(1, 1, 1, "um")))
+
+
+@pytest.mark.parametrize(("depth", "square"), [(1.0, 1.25 + 0.25 + 0.25), (2.0, 1.25 + 0.25 + 1.0)])
+def test_centring_and_scale_of_a_small_mask_by_hand(depth: float, square: float) -> None:
+    # 2 x 2 x 4 voxels (z, y, x), all of them outermost: H is their centres, and the mean of the
+    # squared distances from the middle is the sum of (0.5, 0.5, 1.5, 1.5), (0.5, 0.5) and half a depth.
+    grain = Grain(np.ones((2, 2, 4), dtype=bool), VoxelSize(depth, 1, 1, "um"), (10.0, 20.0, 30.0))
+    prepared = prepare(grain, hull="voxels")
+    np.testing.assert_allclose(prepared.center, [11.5, 20.5, 30.0 + 0.5 * depth])
+    assert prepared.scale == pytest.approx(np.sqrt(square))
+    places = [[x, y, z] for z in (30.0, 30.0 + depth) for y in (20.0, 21.0) for x in (10.0, 11.0, 12.0, 13.0)]
+    np.testing.assert_allclose(in_grain(prepared, prepared.hull), places)
+    np.testing.assert_allclose(prepared.hull[0], [-1.5, -0.5, -0.5 * depth] / np.sqrt(square))
+    assert prepared.mask.sum() == 16
+    # The voxel of the mask that stands for a scan voxel stands at that voxel's place.
+    z, y, x = np.argwhere(prepared.mask)[-1]
+    np.testing.assert_allclose(
+        in_grain(prepared, np.array([x, y, z]) * prepared.spacing + prepared.origin),
+        [13.0, 21.0, 30.0 + depth],
+    )
+    assert prepared.volume * prepared.scale**3 == pytest.approx(16 * depth)
+
+
+def test_the_middle_voxel_of_a_cube_is_not_in_its_hull() -> None:
+    prepared = prepare(Grain(np.ones((3, 3, 3), dtype=bool), VoxelSize(2, 2, 2, "um")), hull="voxels")
+    assert len(prepared.hull) == 26
+    # 6 face, 12 edge and 8 corner voxels at squared distances 1, 2 and 3 voxels.
+    assert prepared.scale == pytest.approx(2 * np.sqrt((6 + 24 + 24) / 26))
+    assert len(prepare(prepared.grain, hull="voxels", hull_points=11).hull) == 11
+
+
+def test_a_plate_thinner_than_half_a_block_keeps_a_surface() -> None:
+    prepared = prepare(Grain(np.ones((1, 90, 90), dtype=bool), VoxelSize(1, 1, 1, "um")), working_side=30)
+    assert prepared.mask.any()
+    assert prepared.volume * prepared.scale**3 == pytest.approx(8100)
+    np.testing.assert_allclose(prepared.center[:2], 44.5, atol=0.5)

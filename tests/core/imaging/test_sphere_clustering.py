@@ -76,3 +76,46 @@ def test_incremental_spheres_do_not_overlap_and_stay_inside(ellipsoid_grain: Gra
     assert gap[~np.eye(40, dtype=bool)].min() > -1e-4
     depth = transform[tuple(np.array([sphere.voxel for sphere in spheres]).T)]
     assert (radii <= depth + 1e-5).all()
+
+
+def by_brute_force(mask: np.ndarray, spacing: np.ndarray, n: int, closed: bool) -> list[tuple]:
+    """Algorithm 1 with every distance computed: Transform, Search, Reset."""
+    place = np.stack(np.meshgrid(*(np.arange(side) for side in mask.shape), indexing="ij"), axis=-1)
+    place = place * spacing[::-1]
+    left, spheres = mask.copy(), []
+    for _ in range(n):
+        taken = place[~left]
+        distance = np.zeros(mask.shape)
+        for index in np.argwhere(left):
+            distance[tuple(index)] = np.sqrt(((taken - place[tuple(index)]) ** 2).sum(axis=1)).min()
+        distance = distance.round(9)
+        center = tuple(int(i) for i in np.unravel_index(distance.argmax(), mask.shape))
+        radius = distance[center]
+        apart = np.sqrt(((place - place[center]) ** 2).sum(axis=-1)).round(9)
+        left &= ~((apart <= radius) if closed else (apart < radius))
+        spheres.append((center, radius))
+    return spheres
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (0.9, 1.0, 1.7)])
+def test_spheres_of_algorithm_1_by_brute_force(spacing: tuple[float, ...], closed: bool) -> None:
+    z, y, x = np.indices((13, 12, 16))
+    mask = ((x - 5) ** 2 + (y - 5) ** 2 + (z - 6) ** 2 <= 19) | ((x - 10) ** 2 + (y - 6) ** 2 <= 9)
+    mask[[0, -1]] = mask[:, [0, -1]] = mask[:, :, [0, -1]] = False
+    edges = np.array(spacing)
+    expected = by_brute_force(mask, edges, 5, closed)
+    found = list(cluster_to_the_letter(mask, edges, 5, closed=closed))
+    assert [sphere.voxel for sphere in found] == [center for center, _ in expected]
+    np.testing.assert_allclose([sphere.radius for sphere in found], [r for _, r in expected], rtol=1e-6)
+    # Going on from the first spheres gives the others.
+    assert list(cluster_to_the_letter(mask, edges, 5, found=found[:2], closed=closed)) == found[2:]
+
+
+def test_open_and_closed_spheres_by_hand() -> None:
+    mask = np.zeros((3, 3, 11), dtype=bool)
+    mask[1, 1, 1:10] = True  # a row of 9: every voxel is 1 from the outside, the first one is taken
+    spheres = [list(cluster_to_the_letter(mask, UNIT, 9, closed=closed)) for closed in (False, True)]
+    assert [sphere.voxel[2] for sphere in spheres[0]] == [1, 2, 3, 4, 5, 6, 7, 8, 9]
+    # Closed, each takes its neighbours at distance 1 along.
+    assert [sphere.voxel[2] for sphere in spheres[1]] == [1, 3, 5, 7, 9]

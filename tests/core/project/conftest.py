@@ -38,6 +38,7 @@ def make_fit(label: int, n: int, rng: np.random.Generator) -> FitResult:
         method="paper",
         n=n + 1,
         seed=17,
+        options={"learning_rate": 0.1 + label / 3, "hull": "voxels", "common_factor": False},
     )
 
 
@@ -61,7 +62,9 @@ def grains() -> GrainSet:
 @pytest.fixture
 def state(grains, rng) -> ProjectState:
     fits = {7: make_fit(7, 3, rng), 2: make_fit(2, 5, rng)}
-    return ProjectState(grains=grains, fit_settings=FitSettings(25, "paper", 4)).with_fits(fits)
+    return ProjectState(
+        grains=grains, fit_settings=FitSettings(25, "paper", 4, {"momentum": 0.1, "unit": "voxel"})
+    ).with_fits(fits)
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ import pytest
 
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.core.imaging.refine import RefineSettings
 from mbstudio.core.project import ProjectState
 from mbstudio.core.project.file import read_project, write_project
 
@@ -253,3 +254,20 @@ def test_fits_of_a_file_from_before_necks_were_measured_can_be_read(tmp_path, st
     fits = read_project(path).fits
     assert [fit.verdict.smallest_neck for fit in fits.values()] == [None, None]
     assert fits[2].verdict == replace(state.fits[2].verdict, smallest_neck=None)
+
+
+def test_files_of_before_the_options_have_none(tmp_path, state):
+    path = tmp_path / "old.mbs"
+    write_project(path, state)
+    with h5py.File(path, "r+") as file:
+        del file["fits/options"]
+        del file["fit_settings"].attrs["options"]
+    old = read_project(path)
+    assert old.fit_settings == replace(state.fit_settings, options={})
+    assert [dict(fit.options) for fit in old.fits.values()] == [{}, {}]
+
+
+def test_constants_of_the_fast_search_are_written_as_a_record(tmp_path, state):
+    changed = replace(state.fits[2], options={"refine": RefineSettings(noise=0.5)})
+    write_project(tmp_path / "sand.mbs", state.with_fits({2: changed}))
+    assert read_project(tmp_path / "sand.mbs").fits[2].options["refine"]["noise"] == 0.5
