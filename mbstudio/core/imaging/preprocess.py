@@ -43,8 +43,8 @@ class PreparedGrain:
         What the surface's place is known to, in working lengths: the edge of a voxel of the scan,
         which averaging in blocks keeps, but no less than half of `voxel`, as `distance` is coarser.
     hull : float array, shape (m, 3)
-        Points on the surface, H in the paper, in the working frame; neighbours in this order are
-        neighbours on the surface, so that every k-th of them is spread evenly too.
+        Points on the surface, H in the paper, in the working frame. Unless voxels are few or long,
+        neighbours in this order are neighbours on the surface: every k-th is spread evenly too.
     interior, interior_depth : float array, shapes (p, 3) and (p,)
         Points well inside and their depth.
     volume, area : float
@@ -201,7 +201,8 @@ def _hull_points(
     count = min(count, max(4000, len(faces)))
     fractions = (np.arange(count) + rng.random(count)) / count
     chosen = _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
-    return along_curve(chosen), float(areas.sum()) if sharpened else float("nan")
+    # Even samples of few voxels would only be truer to their steps.
+    return (along_curve(chosen), float(areas.sum())) if sharpened else (chosen, float("nan"))
 
 
 def prepare(

@@ -71,15 +71,15 @@ def test_points_come_in_the_order_of_mortons_curve() -> None:
     np.testing.assert_array_equal(found, [ends[0], near_middle, far, ends[1]])
 
 
-def test_every_sixteenth_hull_point_is_still_spread_evenly(ellipsoid_grain: Grain) -> None:
-    prepared = prepare(ellipsoid_grain)
+def test_every_sixteenth_hull_point_is_still_spread_evenly() -> None:
+    prepared = prepare(grain_where(ellipsoid(40, 30, 24), 42, VoxelSize(1, 1, 1, "um")))
     unit = in_grain(prepared, prepared.hull) - CENTER
     octant = (unit > 0) @ np.array([1, 2, 4])
     share = np.bincount(octant, minlength=8) / len(octant)
     sparse = octant[5::16]
     expected = len(sparse) * share
-    # Points drawn at random would miss by the root of their number, here about 6.
-    assert np.abs(np.bincount(sparse, minlength=8) - expected).max() < 4
+    # Points drawn at random would miss by the root of their number, here about 13.
+    assert np.abs(np.bincount(sparse, minlength=8) - expected).max() < 6
 
 
 def test_interior_points_are_as_deep_as_they_say(ellipsoid_grain: Grain) -> None:
