@@ -149,7 +149,7 @@ class FastFit(StepRun):
         assert self._refinement is not None
         assert self.prepared is not None
         search, settings = self._refinement, self._refinement.settings
-        noise = settings.noise * self.prepared.voxel * self.prepared.scale
+        noise = settings.noise * self.prepared.fineness * self.prepared.scale
         checked, idle, stuck = self._rms[-1], 0, 0
         # On few or long voxels relocated points would only follow the steps.
         worth = relocates and self.n >= _FEWEST_TO_RELOCATE and np.isfinite(self.prepared.area)

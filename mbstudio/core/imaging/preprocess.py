@@ -42,8 +42,12 @@ class PreparedGrain:
         First voxel's centre and edge lengths (x, y, z) in the working frame.
     voxel : float
         Edge of a cube of a voxel's volume, in working lengths.
+    fineness : float
+        What the surface's place is known to, in working lengths: the edge of a voxel of the scan,
+        which averaging in blocks keeps, but no less than half of `voxel`, as `distance` is coarser.
     hull : float array, shape (m, 3)
-        Points on the surface, H in the paper, in the working frame.
+        Points on the surface, H in the paper, in the working frame. Unless voxels are few or long,
+        neighbours in this order are neighbours on the surface: every k-th is spread evenly too.
     interior, interior_depth : float array, shapes (p, 3) and (p,)
         Points well inside and their depth.
     volume, area : float
@@ -63,6 +67,7 @@ class PreparedGrain:
     origin: Float64[np.ndarray, "3"]
     spacing: Float64[np.ndarray, "3"]
     voxel: float
+    fineness: float
     hull: Float64[np.ndarray, "m 3"]
     interior: Float64[np.ndarray, "p 3"]
     interior_depth: Float64[np.ndarray, "p"]
@@ -146,6 +151,35 @@ def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: 
     return out
 
 
+@njit(cache=True, nogil=True)
+def _places_on_curve(cells):  # pragma: no cover - compiled
+    """Return the place along Morton's curve of cells (x, y, z) of 10 bits an axis."""
+    out = np.zeros(len(cells), np.int64)
+    for p in range(len(cells)):
+        for bit in range(10):
+            for axis in range(3):
+                out[p] |= ((cells[p, axis] >> bit) & 1) << (3 * bit + axis)
+    return out
+
+
+def along_curve(points: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m 3"]:
+    """Return points in the order in which Morton's space-filling curve passes through them.
+
+    Parameters
+    ----------
+    points : float array, shape (m, 3)
+        At least one point, in any unit.
+
+    References
+    ----------
+    Morton (1966), A computer oriented geodetic data base, IBM Ltd.
+    """
+    low = points.min(axis=0)
+    longest = max(float((points.max(axis=0) - low).max()), 1e-300)
+    cells = ((points - low) * (1023 / longest)).astype(np.int64)
+    return points[np.argsort(_places_on_curve(cells), kind="stable")]
+
+
 def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, int, int]]:
     """Return the share of each (block of) voxel(s) that is inside, padded, and the block (z, y, x)."""
     mask = np.asarray(grain.mask)
@@ -194,7 +228,8 @@ def _hull_points(
     count = min(count, max(4000, len(faces)))
     fractions = (np.arange(count) + rng.random(count)) / count
     chosen = _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
-    return chosen, float(areas.sum()) if sharpened else float("nan")
+    # Even samples of few voxels would only be truer to their steps.
+    return (along_curve(chosen), float(areas.sum())) if sharpened else (chosen, float("nan"))
 
 
 def _outermost_voxels(
@@ -283,8 +318,9 @@ def prepare(
     voxels = grain.voxel_count + filled * int(np.prod(blocks))
     return PreparedGrain(
         grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
-        spacing=spacing / scale, voxel=voxel / scale, hull=(points - middle) / scale,
-        interior=(where - middle) / scale,
+        spacing=spacing / scale, voxel=voxel / scale,
+        fineness=voxel * max(0.5, float(np.cbrt(1 / np.prod(blocks)))) / scale,
+        hull=(points - middle) / scale, interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
         volume=voxels * grain.voxel_size.volume / scale**3, area=area / scale**2, center=first + middle,
         scale=scale, filled=int(filled),

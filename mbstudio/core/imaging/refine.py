@@ -59,8 +59,8 @@ class RefineSettings:
         Relative gain of the RMS between checks that counts as progress; two checks without end
         the search.
     noise, least_gain_in_noise : float
-        Below an RMS of `noise` voxels the voxels themselves are no truer: one check with less gain
-        than this ends the search.
+        Below an RMS of `noise` times the grain's fineness the voxels themselves are no truer: one
+        check with less gain than this ends the search.
     """
 
     steepness_floor: float = 0.7
@@ -69,9 +69,9 @@ class RefineSettings:
     interior_weight: float = 0.5
     depth_weight: float = 0.5
     volume_weight: float = 3.0
-    area_weight: float = 0.5
+    area_weight: float = 1.0
     area_slack: float = 0.005
-    most_area_gain: float = 0.02
+    most_area_gain: float = 0.03
     curvature_roof: float = 30.0
     points_per_control: int = 25
     fewest_points: int = 1500
@@ -89,7 +89,7 @@ _State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.nd
 
 def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
     """Return the depth that control points are pulled to, and that below which none may go."""
-    voxel, deepest = prepared.voxel, prepared.deepest
+    voxel, deepest = prepared.fineness, prepared.deepest
     soft = max(2 * voxel, float(np.clip(0.04 * np.sqrt(120 / n), 0.03, 0.08)))
     hard = max(1.2 * voxel, soft / 2)
     # Thin plates and grains of a few voxels have no such depth anywhere.

@@ -9,7 +9,7 @@ from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
 from mbstudio.core.imaging.levenberg_marquardt import curvature_of_rows
 from mbstudio.core.imaging.preprocess import prepare
-from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.refine import Refinement, RefineSettings, least_depths
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.metaball.surface import mesh_area
 from mbstudio.core.units import VoxelSize
@@ -41,6 +41,16 @@ def test_curvature_of_one_sphere_is_two_over_the_distance() -> None:
 
 def test_area_by_triangles_is_that_of_the_sphere() -> None:
     assert mesh_area(np.array([[0.0], [0.0], [0.0], [4.0]])) == pytest.approx(16 * np.pi, rel=2e-3)
+
+
+def test_least_depths_go_by_the_scan_not_by_the_blocks_it_is_averaged_in() -> None:
+    grain = grain_where(ellipsoid(40, 30, 24), 42, VoxelSize(0.5, 0.5, 0.5, "um"))
+    prepared = prepare(grain, working_side=80)
+    soft, hard = least_depths(prepared, 120)
+    # Two voxels of the scan are 1 um, two blocks would be 2 um; 4 % of the RMS radius lie between.
+    assert soft == pytest.approx(0.04)
+    assert 1.0 < soft * prepared.scale < 2.0
+    assert hard == pytest.approx(0.02)
 
 
 def test_useless_control_points_move_to_the_corners(cube: Grain) -> None:
