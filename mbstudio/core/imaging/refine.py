@@ -70,7 +70,7 @@ class RefineSettings:
     depth_weight: float = 0.5
     volume_weight: float = 3.0
     area_weight: float = 1.0
-    area_slack: float = 0.005
+    area_slack: float = 0.0035
     most_area_gain: float = 0.03
     curvature_roof: float = 30.0
     points_per_control: int = 25
