@@ -18,8 +18,9 @@ from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.imaging.steps import SearchStep, Verdict
+from mbstudio.core.imaging.thin import spread
 from mbstudio.core.metaball.field import solid_bounds
-from mbstudio.core.metaball.surface import volume_and_area
+from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
 from mbstudio.core.metaball.validity import check
 
@@ -49,6 +50,7 @@ class FastOptions:
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
 _GOOD_SCORE = 0.15
 _MOST_MATCHED = 0.02
+_MOST_MATCHED_OF_THIN = 0.08
 # Share of the control points relocated at a time; steps between, until and after relocations.
 _RELOCATED = 0.1
 _RELOCATE_EVERY = 8
@@ -100,7 +102,7 @@ class FastFit(StepRun):
     def _start(self, spheres: list[Sphere]) -> None:
         assert self.prepared is not None
         self._spheres_found = list(spheres)
-        self._begin(control_of_spheres(self.prepared, spheres), self.options.refine)
+        self._begin(self._fresh(len(spheres)), self.options.refine)
 
     def _begin(self, control: np.ndarray, settings: RefineSettings) -> None:
         assert self.prepared is not None
@@ -186,13 +188,21 @@ class FastFit(StepRun):
         """Take away a small volume error that the search left, by one factor on all weights."""
         assert self._refinement is not None
         assert self.prepared is not None
-        control = self._refinement.control.copy()
-        for _ in range(2):
-            volume, _ = volume_and_area(control, cells=64, bounds=solid_bounds(control, rounds=1))
-            ratio = volume / self.prepared.volume
-            if abs(ratio - 1) > _MOST_MATCHED:  # more would only hide a wrong shape
+        prepared, control = self.prepared, self._refinement.control.copy()
+        thin = prepared.slenderness > 1
+        # More would only hide a wrong shape; but in thin bodies that much is soon a small displacement.
+        most = max(_MOST_MATCHED, min(_MOST_MATCHED_OF_THIN, 0.4 * prepared.voxel / prepared.thickness))
+        # Of a sphere, V goes with k**(3/2); of a sheet of many control points with some k**4.
+        power, moved, before = (4.0, 0.0, 0.0) if thin else (1.5, 0.0, 0.0)
+        for done in range(5 if thin else 2):
+            volume, _ = volume_and_area_of_thin(control, 64, solid_bounds(control, rounds=1))
+            excess = float(np.log(volume / prepared.volume))
+            if abs(excess) > most:
                 return False
-            control[3] *= ratio ** (-2 / 3)  # of a sphere, V goes with k**(3/2)
+            if thin and done and abs(moved) > 1e-9:
+                power = float(np.clip((excess - before) / moved, 1.0, 8.0))
+            moved, before = -excess / power, excess
+            control[3] *= np.exp(moved)
         self._refinement.control = control
         return True
 
@@ -231,10 +241,17 @@ class FastFit(StepRun):
         return self._look().is_sound and candidate.score < _GOOD_SCORE
 
     def _fresh(self, n: int) -> np.ndarray:
-        """Return control points of the first n spheres (split further where fewer were found)."""
+        """Return control points of the first n spheres (split further where fewer were found).
+
+        In a thin body, of points spread over its middle instead where that is the truer start.
+        """
         assert self.prepared is not None
-        control = control_of_spheres(self.prepared, self._spheres_found[:n])
-        return control if control.shape[1] == n else with_number(control, n, self.prepared)
+        prepared, control = self.prepared, control_of_spheres(self.prepared, self._spheres_found[:n])
+        if control.shape[1] != n:
+            control = with_number(control, n, prepared)
+        if prepared.slenderness > 1 and (even := spread(prepared, n)) is not None:
+            return min(control, even, key=lambda start: Refinement(prepared, start).rms())
+        return control
 
     def _rounds(self, last: int) -> Iterator[SearchStep]:
         assert self._refinement is not None
@@ -260,6 +277,6 @@ class FastFit(StepRun):
         control, found, note = self.control, self._look(), "the soundest avatar so far"
         if not found.is_sound:
             control, found, note = force_sound(self.control, self.prepared)
-        volume, _ = volume_and_area(control)
+        volume, _ = volume_and_area_of_thin(control)
         rms = Refinement(self.prepared, control).rms()
         return _Candidate(control.copy(), found, rms + abs(volume / self.prepared.volume - 1), note)

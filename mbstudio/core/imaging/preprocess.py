@@ -21,6 +21,7 @@ PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
 _SMOOTHING_OF_FEW = 0.6  # of a grain below it
 _LONG_VOXELS = 1.5  # longest edge over shortest
+_THIN = 0.3  # thickness in working lengths
 _SMOOTHING_OF_BLOCKS = 0.5  # block averages are smooth already: more only rounds the edges
 
 
@@ -46,6 +47,8 @@ class PreparedGrain:
     volume, area : float
         Volume by counting the scan's own voxels, and area of the surface that the hull points lie on
         (NaN where voxels are too few or too long to tell it), in working lengths cubed and squared.
+    thickness : float
+        2 V / A in working lengths: the thickness of a sheet, half that of a rod.
     center : float array, shape (3,)
         Centre of the working frame in the grain's frame and unit.
     scale : float
@@ -65,6 +68,7 @@ class PreparedGrain:
     interior_depth: Float64[np.ndarray, "p"]
     volume: float
     area: float
+    thickness: float
     center: Float64[np.ndarray, "3"]
     scale: float
     filled: int
@@ -73,6 +77,11 @@ class PreparedGrain:
     def deepest(self) -> float:
         """Radius of the largest inscribed sphere, in working lengths."""
         return float(self.distance.max())
+
+    @property
+    def slenderness(self) -> float:
+        """How many times thinner the body is than one that counts as thin; at least 1."""
+        return max(1.0, _THIN / self.thickness)
 
     def avatar(self, control: Float64[np.ndarray, "4 n"]) -> Avatar:
         """Return control points (rows x, y, z, k in the working frame) as an avatar over the scan."""
@@ -167,7 +176,7 @@ def _hull_points(
     count = min(count, max(4000, len(faces)))
     fractions = (np.arange(count) + rng.random(count)) / count
     chosen = _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
-    return chosen, float(areas.sum()) if sharpened else float("nan")
+    return chosen, float(areas.sum())
 
 
 def prepare(
@@ -227,12 +236,12 @@ def prepare(
         deep = rng.choice(deep, 800, replace=False, shuffle=False)
     where = np.stack(np.unravel_index(deep, mask.shape), axis=1)[:, ::-1] * spacing
     first = np.asarray(grain.origin) + (np.array(blocks[::-1]) - 1) / 2 * grain.voxel_size.xyz - PAD * spacing
-    voxels = grain.voxel_count + filled * int(np.prod(blocks))
+    volume = (grain.voxel_count + filled * int(np.prod(blocks))) * grain.voxel_size.volume
     return PreparedGrain(
         grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
         spacing=spacing / scale, voxel=voxel / scale, hull=(hull - middle) / scale,
         interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
-        volume=voxels * grain.voxel_size.volume / scale**3, area=area / scale**2, center=first + middle,
-        scale=scale, filled=int(filled),
+        volume=volume / scale**3, area=area / scale**2 if sharpened else float("nan"),
+        thickness=2 * volume / area / scale, center=first + middle, scale=scale, filled=int(filled),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.neck import smallest_neck
-from mbstudio.core.metaball.surface import volume_and_area
+from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def check(
     found = found or topology(avatar.control, cells)
     volume_error, counted = float("nan"), 0
     if grain is not None:
-        volume, _ = volume_and_area(avatar.control, max(cells - 16, 40))
+        volume, _ = volume_and_area_of_thin(avatar.control, max(cells - 16, 40))
         volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / grain.volume - 1.0
         counted = points_outside(avatar, grain) if outside is None else outside
     cure = f"n too small for this shape: try {2 * max(avatar.n, asked or 0)}"
