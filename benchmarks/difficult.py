@@ -198,6 +198,31 @@ def table(shapes: dict[str, Make], numbers: tuple[int, ...], **options: object) 
             print(row(known, n, **options)[0], flush=True)
 
 
+def advice(shapes: dict[str, Make], numbers: tuple[int, ...], **options: object) -> None:
+    """Follow the advice of every verdict that is not valid, once, and print whether that cured it."""
+    print("\n### Following the verdict's advice\n\n| grain | n, not valid | advised n | then |\n|---|---|---|---|")
+    followed = cured = 0
+    for make in shapes.values():
+        known, done = make(), {}
+        for n in numbers:
+            result = row(known, n, **options)[1]
+            if result is None or result.verdict.valid:
+                continue
+            said = advised(result)
+            if not said.isdigit():
+                print(f"| {known.name} | {n} | {said} | {' '.join(result.verdict.reasons)} |", flush=True)
+                continue
+            if said not in done:
+                done[said] = row(known, int(said), **options)
+            line, then = done[said]
+            fine = then is not None and then.verdict.valid
+            followed, cured = followed + 1, cured + fine
+            outcome = "cured" if fine else line if then is None else " ".join(then.verdict.reasons)
+            handles = f", genus {line.split('|')[9].strip()}" if then is not None else ""
+            print(f"| {known.name} | {n} | {said} | {outcome}{handles} |", flush=True)
+    print(f"\nThe advice cured {cured} of {followed}.")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -210,6 +235,8 @@ def main() -> None:
     shapes = tuning() if chosen.tuning else reported()
     if chosen.only:
         shapes = {name: make for name, make in shapes.items() if any(word in name for word in chosen.only)}
+    if "advice" in chosen.tables:
+        advice(shapes, tuple(chosen.n))
     if "all" in chosen.tables:
         table(shapes, tuple(chosen.n))
 

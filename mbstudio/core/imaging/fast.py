@@ -18,7 +18,7 @@ from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.imaging.steps import SearchStep, Verdict
-from mbstudio.core.imaging.thin import spread
+from mbstudio.core.imaging.thin import number_needed, spread
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
@@ -119,9 +119,11 @@ class FastFit(StepRun):
     def _judge(self) -> Verdict:
         assert self.prepared is not None
         assert self.control is not None
+        prepared = self.prepared
         return check(
-            self.prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
-            outside=lies_outside(self.control, self.prepared), asked=self.n,
+            prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
+            outside=lies_outside(self.control, prepared), asked=self.n,
+            needed=lambda: number_needed(prepared),
         )  # fmt: skip
 
     def _step(self, generations: int, note: str = "") -> SearchStep:

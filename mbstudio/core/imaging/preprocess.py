@@ -21,7 +21,7 @@ PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
 _SMOOTHING_OF_FEW = 0.6  # of a grain below it
 _LONG_VOXELS = 1.5  # longest edge over shortest
-_THIN = 0.3  # thickness in working lengths
+_THIN = 0.35  # thickness in working lengths
 _SMOOTHING_OF_BLOCKS = 0.5  # block averages are smooth already: more only rounds the edges
 
 

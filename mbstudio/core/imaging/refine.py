@@ -126,7 +126,7 @@ class Refinement:
             dtype=np.float32,
         )  # fmt: skip
         # In a thin body the same displacement is a larger share of the volume.
-        self._volume_weight = self.settings.volume_weight * prepared.slenderness
+        self._volume_weight = self.settings.volume_weight * prepared.slenderness**2
         self._offset = 0
         self._wanted_area: float | None = None
         self.set_control(control)

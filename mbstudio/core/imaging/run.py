@@ -168,13 +168,16 @@ class StepRun:
 
     def _judge(self) -> Verdict:
         from mbstudio.core.imaging.guard import lies_outside
+        from mbstudio.core.imaging.thin import number_needed
         from mbstudio.core.metaball.validity import check
 
         assert self.prepared is not None
         assert self.control is not None
+        prepared = self.prepared
         return check(
-            self.prepared.avatar(self.control), self.grain, rms=self._rms[-1],
-            outside=lies_outside(self.control, self.prepared), asked=self.n,
+            prepared.avatar(self.control), self.grain, rms=self._rms[-1],
+            outside=lies_outside(self.control, prepared), asked=self.n,
+            needed=lambda: number_needed(prepared),
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:

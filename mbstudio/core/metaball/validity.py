@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 MOST_VOLUME_ERROR = 0.05
 MOST_RMS = 0.08  # of the RMS radius
+VOXELS_PER_POINT = 20
+"""Of grains with fewer voxels a control point, more control points would only follow the voxels' steps."""
 
 
 def points_outside(avatar: Avatar, grain: Grain) -> int:
@@ -34,6 +37,15 @@ def points_outside(avatar: Avatar, grain: Grain) -> int:
     return int(avatar.n - np.count_nonzero(inside))
 
 
+def _cure(n: int, grain: Grain | None, needed: Callable[[], int] | None) -> str:
+    """Return what to do about an avatar of `n` control points that is not valid."""
+    # More than the estimate where that many have failed already; in tens, for it is no exact number.
+    wanted = max(2 * n, -(-needed() // 10) * 10 if needed is not None else 0)
+    if grain is not None and grain.voxel_count < VOXELS_PER_POINT * n:
+        return f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
+    return f"n too small for this shape: try {wanted}"
+
+
 def check(
     avatar: Avatar,
     grain: Grain | None = None,
@@ -43,6 +55,7 @@ def check(
     found: Topology | None = None,
     outside: int | None = None,
     asked: int | None = None,
+    needed: Callable[[], int] | None = None,
 ) -> Verdict:
     """Judge an avatar: pieces, voids, handles, necks, control points outside, volume error.
 
@@ -63,6 +76,8 @@ def check(
         cavities were filled); counted here otherwise.
     asked : int, optional
         Control points that were asked for, where the avatar may hold fewer.
+    needed : callable, optional
+        Estimates how many control points the grain's shape needs; called only for advice.
     """
     from mbstudio.core.imaging.steps import Verdict
     from mbstudio.core.units import conversion_factor
@@ -73,10 +88,12 @@ def check(
         volume, _ = volume_and_area_of_thin(avatar.control, max(cells - 16, 40))
         volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / grain.volume - 1.0
         counted = points_outside(avatar, grain) if outside is None else outside
-    cure = f"n too small for this shape: try {2 * max(avatar.n, asked or 0)}"
-    if grain is not None and grain.voxel_count < 20 * avatar.n:
-        cure = f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
+    too_rough = grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(
+        grain.unit, avatar.unit
+    )
     reasons = []
+    if found.pieces > 1 or found.voids or abs(volume_error) > MOST_VOLUME_ERROR or too_rough:
+        cure = _cure(max(avatar.n, asked or 0), grain, needed)
     if found.pieces > 1:
         reasons.append(f"The avatar falls into {found.pieces} pieces: {cure}.")
     if found.voids:
@@ -87,9 +104,7 @@ def check(
         reasons.append(f"{points} outside the grain: fit it anew with method 'fast'.")
     if abs(volume_error) > MOST_VOLUME_ERROR:
         reasons.append(f"The volume differs by {100 * volume_error:+.1f} %: {cure}.")
-    if grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(
-        grain.unit, avatar.unit
-    ):
+    if too_rough:
         reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}.")
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
