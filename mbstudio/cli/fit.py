@@ -37,6 +37,9 @@ def fit(
     method: Annotated[
         str, typer.Option("--method", help="'fast', or 'paper' for its algorithms to the letter.")
     ] = "fast",
+    cavities: Annotated[
+        str, typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar.")
+    ] = "fill",
     seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
     workers: inputs.WorkersOption = None,
     grains: Annotated[
@@ -92,7 +95,7 @@ def fit(
     project.change("Fit settings", fit_settings=FitSettings(n, method, seed))  # type: ignore[arg-type]
 
     chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
-    outcome = fit_into(project, chosen, workers)
+    outcome = fit_into(project, chosen, workers, {} if cavities == "fill" else {"cavities": cavities})
     if outcome.fits or not chosen or not output.exists():  # a file of avatars must not give way to none
         project.save(output, embed_scan=True if embed_scan else None)
 
@@ -104,6 +107,11 @@ def fit(
         console.print_facts(f"Avatars of {source.name}", summary)
     for label, reason in list(outcome.failures.items())[:5]:
         console.tell(f"mbstudio: grain {label} has no avatar: {reason}")
+    warned = {label: result.verdict.warnings for label, result in outcome.fits.items() if result.verdict.warnings}
+    for label, told in list(warned.items())[:5]:
+        console.tell(f"mbstudio: grain {label}: {' '.join(told)}")
+    if len(warned) > 5:
+        console.tell(f"mbstudio: and {len(warned) - 5} more grains with cavities.")
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(f"mbstudio: interrupted with {left} grains to go: fit {output} to go on.")
@@ -167,7 +175,9 @@ def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
     return done.n == settings.n and done.method == settings.method and done.seed in seeds
 
 
-def fit_into(project: Project, labels: list[int], workers: int | None = None) -> Outcome:
+def fit_into(
+    project: Project, labels: list[int], workers: int | None = None, options: dict[str, Any] | None = None
+) -> Outcome:
     """Fit grains and add their avatars to the project, also when interrupted."""
     from mbstudio.core.batch import fit_many
 
@@ -175,8 +185,9 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
     settings = project.state.fit_settings
     assert project.grains is not None
     items: Any = fit_many(
-        project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers
-    )
+        project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers,
+        options=options,
+    )  # fmt: skip
     with console.progress("Fitting") as report, _terminate_as_interrupt():
         try:
             for done, item in enumerate(items, start=1):

@@ -12,7 +12,7 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.guard import ITERATIONS_PER_ROUND, MOST_ROUNDS, force_sound, lies_outside, repair
 from mbstudio.core.imaging.loss import mean_loss
-from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
+from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
@@ -37,6 +37,9 @@ class FastOptions:
         Longest side of the working grid; larger grains are averaged in blocks.
     hull_points : int
         Points on the surface at most.
+    cavities : {'fill', 'keep'}
+        Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have
+        them: a void of its own for each, as far as n allows, which is then no fault.
     refine : RefineSettings
         Constants of the search.
     """
@@ -44,6 +47,7 @@ class FastOptions:
     generations: int = 60
     working_side: int = 120
     hull_points: int = 24_000
+    cavities: Cavities = "fill"
     refine: RefineSettings = field(default_factory=RefineSettings)
 
 
@@ -89,6 +93,7 @@ class FastFit(StepRun):
             self.seed,
             working_side=self.options.working_side,
             hull_points=self.options.hull_points,
+            cavities=self.options.cavities,
         )
 
     def _spheres(self, n: int) -> Iterator[Sphere]:
@@ -123,7 +128,7 @@ class FastFit(StepRun):
         return check(
             prepared.avatar(self.control), self.grain, rms=self._rms[-1], found=self._found,
             outside=lies_outside(self.control, prepared), asked=self.n,
-            needed=lambda: number_needed(prepared),
+            needed=lambda: number_needed(prepared), kept=prepared.cavities, filled=prepared.filled_voxels,
         )  # fmt: skip
 
     def _step(self, generations: int, note: str = "") -> SearchStep:
@@ -240,7 +245,7 @@ class FastFit(StepRun):
 
     def _is_content(self, candidate: _Candidate) -> bool:
         """Tell whether the present avatar, scored as `candidate`, is sound without force and true enough."""
-        return self._look().is_sound and candidate.score < _GOOD_SCORE
+        return self._is_sound(self._look()) and candidate.score < _GOOD_SCORE
 
     def _fresh(self, n: int) -> np.ndarray:
         """Return control points of the first n spheres (split further where fewer were found).
@@ -259,12 +264,17 @@ class FastFit(StepRun):
         assert self._refinement is not None
         rng = np.random.default_rng([self.seed, 1])
         for number in range(MOST_ROUNDS):
-            if self._look().is_sound:
+            if self._is_sound(self._look()):
                 return
             note = repair(self._refinement, self._look(), number, rng)
             for step in range(ITERATIONS_PER_ROUND):
                 self._refinement.advance()
                 yield self._step(last, note if step == 0 else "")
+
+    def _is_sound(self, found: Topology) -> bool:
+        """One piece, and no void beyond the cavities that were kept on purpose."""
+        assert self.prepared is not None
+        return found.pieces == 1 and found.voids <= self.prepared.cavities
 
     def _look(self) -> Topology:
         assert self.control is not None
@@ -277,7 +287,7 @@ class FastFit(StepRun):
         assert self.prepared is not None
         assert self.control is not None
         control, found, note = self.control, self._look(), "the soundest avatar so far"
-        if not found.is_sound:
+        if not self._is_sound(found):
             control, found, note = force_sound(self.control, self.prepared)
         volume, _ = volume_and_area_of_thin(control)
         rms = Refinement(self.prepared, control).rms()

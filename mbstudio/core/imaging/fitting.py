@@ -49,6 +49,8 @@ def _options(kind: type[Any], options: dict[str, Any], method: str) -> Any:
     for name in options:
         if name not in known:
             raise FitError(f"Method '{method}' has no option '{name}': it has {', '.join(known)}.")
+    if options.get("cavities", "fill") not in ("fill", "keep"):
+        raise FitError(f"cavities='{options['cavities']}' is not known: use 'fill' or 'keep'.")
     return kind(**options)
 
 

@@ -20,7 +20,7 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
-from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
+from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
 from mbstudio.core.imaging.run import StepRun, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_overlapping, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
@@ -60,11 +60,15 @@ class PaperOptions:
         (then SGD's step grows with the number of points). The loss reported is always the mean.
     working_side, hull_points : int
         As in the fast method; the paper works on all voxels and points.
+    cavities : {'fill', 'keep'}
+        Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have
+        them: a void of its own for each, as far as n allows, which is then no fault.
     clustering : {'letter', 'incremental'}
         A distance transform for each sphere, or one lowered locally.
     """
 
     generations: int = 1500
+    cavities: Cavities = "fill"
     learning_rate: float = 0.001
     adam_share: float = 0.8
     beta1: float = 0.9
@@ -174,6 +178,7 @@ class PaperFit(StepRun):
             self.seed,
             working_side=self.options.working_side,
             hull_points=self.options.hull_points,
+            cavities=self.options.cavities,
         )
 
     def _spheres(self, n: int) -> Iterator[Sphere]:

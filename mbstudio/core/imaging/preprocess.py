@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
@@ -16,6 +17,8 @@ from numba import njit
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
+
+Cavities = Literal["fill", "keep"]
 
 PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
@@ -33,7 +36,7 @@ class PreparedGrain:
     ----------
     grain : Grain
     mask : bool array, shape (Z, Y, X)
-        Padded, possibly coarsened grain with cavities filled.
+        Padded, possibly coarsened grain, its cavities filled or kept.
     distance : float array, shape (Z, Y, X)
         Signed distance to the surface, positive inside, in working lengths.
     origin, spacing : float array, shape (3,)
@@ -54,7 +57,9 @@ class PreparedGrain:
     scale : float
         Length of one working length in the grain's unit.
     filled : int
-        Voxels of cavities that were filled.
+        Voxels of the working grid in cavities that were filled.
+    cavities : int
+        Cavities that were kept.
     """
 
     grain: Grain
@@ -72,11 +77,18 @@ class PreparedGrain:
     center: Float64[np.ndarray, "3"]
     scale: float
     filled: int
+    cavities: int = 0
 
     @property
     def deepest(self) -> float:
         """Radius of the largest inscribed sphere, in working lengths."""
         return float(self.distance.max())
+
+    @property
+    def filled_voxels(self) -> int:
+        """Voxels of the scan in cavities that were filled, here or when the grain was made."""
+        blocks = np.rint(self.spacing * self.scale / self.grain.voxel_size.xyz)
+        return self.grain.filled_voxels + self.filled * int(blocks.prod())
 
     @property
     def slenderness(self) -> float:
@@ -180,7 +192,8 @@ def _hull_points(
 
 
 def prepare(
-    grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000
+    grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000,
+    cavities: Cavities = "fill",
 ) -> PreparedGrain:
     """Crop, pad, coarsen and centre a grain; find its signed distance and hull points.
 
@@ -194,12 +207,15 @@ def prepare(
         keeps the share of each block and so the place of the surface.
     hull_points : int
         Points on the surface at most.
+    cavities : {'fill', 'keep'}
+        Whether enclosed cavities become solid, or stay empty with a surface of their own.
 
     Raises
     ------
     FitError
         If the grain has no voxels.
     """
+    import cc3d
     import edt
     import fill_voids
 
@@ -210,7 +226,12 @@ def prepare(
     mask = share >= 0.5
     if not mask.any():
         mask = share > 0
-    mask, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
+    solid, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
+    kept = 0
+    if cavities == "keep":
+        kept, filled = int(cc3d.connected_components(solid & ~mask, connectivity=6).max()), 0
+    else:
+        mask = solid
     if filled:
         share[mask & (share < 0.5)] = 1.0
     voxel = float(np.cbrt(spacing.prod()))
@@ -244,4 +265,5 @@ def prepare(
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
         volume=volume / scale**3, area=area / scale**2 if sharpened else float("nan"),
         thickness=2 * volume / area / scale, center=first + middle, scale=scale, filled=int(filled),
+        cavities=kept,
     )  # fmt: skip

@@ -177,7 +177,7 @@ class StepRun:
         return check(
             prepared.avatar(self.control), self.grain, rms=self._rms[-1],
             outside=lies_outside(self.control, prepared), asked=self.n,
-            needed=lambda: number_needed(prepared),
+            needed=lambda: number_needed(prepared), kept=prepared.cavities, filled=prepared.filled_voxels,
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:
@@ -199,8 +199,8 @@ class StepRun:
             return prepared.avatar(control_of_spheres(prepared, spheres))
 
         note = ""
-        if len(spheres) == 1 and prepared.filled:
-            note = "a cavity inside the grain was filled"
+        if len(spheres) == 1 and prepared.filled_voxels:
+            note = f"cavities of {prepared.filled_voxels} voxels inside the grain were filled"
         return SearchStep("clustering", len(spheres), self.n, float("nan"), float("nan"), make, note)
 
     def _record(self, loss: float, rms: float, generations: int, note: str = "") -> SearchStep:

@@ -33,12 +33,14 @@ GAP = 2.0
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _local_radii(depth, order, spacing, cover, radius):  # pragma: no cover - compiled
-    """Write the radius of the largest sphere about each voxel: those of `order`, deepest first, if free."""
+    """Write the radius of the largest sphere within `cover` of whose radii a voxel lies; deepest first."""
     nz, ny, nx = depth.shape
+    # Spheres are taken one radius apart: near enough to leave no voxel of a sheet's faces uncovered.
+    taken = np.zeros(depth.shape, dtype=np.bool_)
     for flat in order:
         iz, rest = divmod(flat, ny * nx)
         iy, ix = divmod(rest, nx)
-        if radius[iz, iy, ix] > 0.0:
+        if taken[iz, iy, ix]:
             continue
         own = depth[iz, iy, ix]
         reach = cover * own
@@ -47,8 +49,11 @@ def _local_radii(depth, order, spacing, cover, radius):  # pragma: no cover - co
             for jy in range(max(0, iy - ry), min(ny, iy + ry + 1)):
                 for jx in range(max(0, ix - rx), min(nx, ix + rx + 1)):
                     dz, dy, dx = (jz - iz) * spacing[2], (jy - iy) * spacing[1], (jx - ix) * spacing[0]
-                    if dz * dz + dy * dy + dx * dx <= reach * reach and radius[jz, jy, jx] < own:
-                        radius[jz, jy, jx] = own
+                    square = dz * dz + dy * dy + dx * dx
+                    if square <= reach * reach:
+                        radius[jz, jy, jx] = max(radius[jz, jy, jx], own)
+                    if square <= own * own:
+                        taken[jz, jy, jx] = True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -36,10 +36,11 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("volume_error", "f8", lambda fit: fit.verdict.volume_error),
     ("rms", "f8", lambda fit: fit.verdict.rms),
     ("reasons", _TEXT, lambda fit: "\n".join(fit.verdict.reasons)),
+    ("warnings", _TEXT, lambda fit: "\n".join(fit.verdict.warnings)),
     ("smallest_neck", "f8", lambda fit: _or_nan(fit.verdict.smallest_neck)),
 )
 # Columns that files written before them do not hold, and what stands for the missing values.
-_LATER = {"smallest_neck": np.nan}
+_LATER: dict[str, Any] = {"smallest_neck": np.nan, "warnings": ""}
 
 
 def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
@@ -84,6 +85,7 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             volume_error=cells["volume_error"],
             rms=cells["rms"],
             reasons=tuple(cells["reasons"].split("\n")) if cells["reasons"] else (),
+            warnings=tuple(cells["warnings"].split("\n")) if cells["warnings"] else (),
             smallest_neck=None if np.isnan(cells["smallest_neck"]) else cells["smallest_neck"],
         )
         fits[int(label)] = FitResult(
@@ -100,7 +102,7 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
 
 def _read_column(group: h5py.Group, name: str, dtype: Any, rows: int) -> np.ndarray:
     if name in _LATER and name not in group:
-        return np.full(rows, _LATER[name], dtype=dtype)
+        return np.full(rows, _LATER[name], dtype=object if dtype is _TEXT else dtype)
     return group[name].asstr()[:] if dtype is _TEXT else group[name][:]
 
 
