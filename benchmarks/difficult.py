@@ -17,7 +17,17 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from grain_kinds import Implicit, KnownGrain, _box, _smooth_least, _turned, angular, cobble, concave, known_grain
+from grain_kinds import (
+    Implicit,
+    KnownGrain,
+    _box,
+    _smooth_least,
+    _turned,
+    angular,
+    cobble,
+    concave,
+    known_grain,
+)
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
@@ -71,6 +81,7 @@ def pipe(radius: float, half: float, length: float) -> Implicit:
 
 def cross(length: float, half: float) -> Implicit:
     """Return three rods through one point."""
+
     def value(p: np.ndarray) -> np.ndarray:
         rods = [_box(p, np.roll([length, half, half], axis)) for axis in range(3)]
         return np.minimum.reduce(rods)
@@ -200,7 +211,9 @@ def table(shapes: dict[str, Make], numbers: tuple[int, ...], **options: object) 
 
 def advice(shapes: dict[str, Make], numbers: tuple[int, ...], **options: object) -> None:
     """Follow the advice of every verdict that is not valid, once, and print whether that cured it."""
-    print("\n### Following the verdict's advice\n\n| grain | n, not valid | advised n | then |\n|---|---|---|---|")
+    print(
+        "\n### Following the verdict's advice\n\n| grain | n, not valid | advised n | then |\n|---|---|---|---|"
+    )
     followed = cured = 0
     for make in shapes.values():
         known, done = make(), {}

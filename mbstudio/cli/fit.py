@@ -38,7 +38,8 @@ def fit(
         str, typer.Option("--method", help="'fast', or 'paper' for its algorithms to the letter.")
     ] = "fast",
     cavities: Annotated[
-        str, typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar.")
+        str,
+        typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar."),
     ] = "fill",
     seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
     workers: inputs.WorkersOption = None,
@@ -107,7 +108,9 @@ def fit(
         console.print_facts(f"Avatars of {source.name}", summary)
     for label, reason in list(outcome.failures.items())[:5]:
         console.tell(f"mbstudio: grain {label} has no avatar: {reason}")
-    warned = {label: result.verdict.warnings for label, result in outcome.fits.items() if result.verdict.warnings}
+    warned = {
+        label: result.verdict.warnings for label, result in outcome.fits.items() if result.verdict.warnings
+    }
     for label, told in list(warned.items())[:5]:
         console.tell(f"mbstudio: grain {label}: {' '.join(told)}")
     if len(warned) > 5:

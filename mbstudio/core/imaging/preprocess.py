@@ -143,7 +143,12 @@ def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: 
 def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, int, int]]:
     """Return the share of each (block of) voxel(s) that is inside, padded, and the block (z, y, x)."""
     mask = np.asarray(grain.mask)
-    if mask.ndim != 3 or 0 in mask.shape or not mask.any():
+    if mask.ndim != 3 or mask.dtype.kind not in "bui":
+        raise FitError(
+            f"The mask of grain '{grain.name}' has {mask.ndim} axes of {mask.dtype}: it must be booleans along "
+            "three axes; Grain.from_mask checks it."
+        )
+    if not mask.any():
         raise FitError(f"Grain '{grain.name}' has no voxels: nothing can be fitted to it.")
     edges = np.array(grain.voxel_size.zyx)
     longest = float((np.array(mask.shape) * edges).max())
@@ -192,7 +197,11 @@ def _hull_points(
 
 
 def prepare(
-    grain: Grain, seed: int = 0, *, working_side: int = 120, hull_points: int = 24_000,
+    grain: Grain,
+    seed: int = 0,
+    *,
+    working_side: int = 120,
+    hull_points: int = 24_000,
     cavities: Cavities = "fill",
 ) -> PreparedGrain:
     """Crop, pad, coarsen and centre a grain; find its signed distance and hull points.
@@ -213,7 +222,7 @@ def prepare(
     Raises
     ------
     FitError
-        If the grain has no voxels.
+        If the grain has no voxels or several pieces, or its mask is not 3-D or not of whole numbers.
     """
     import cc3d
     import edt
@@ -221,6 +230,12 @@ def prepare(
 
     rng = np.random.default_rng([seed, 0])
     share, blocks = _coarsen(grain, working_side)
+    pieces = int(cc3d.connected_components(share > 0, connectivity=26).max())
+    if pieces > 1:
+        raise FitError(
+            f"Grain '{grain.name}' falls into {pieces} separate pieces: fit each by itself, or make the grain "
+            "with Grain.from_mask(..., keep='largest')."
+        )
     spacing_zyx = np.array(grain.voxel_size.zyx) * blocks
     spacing = spacing_zyx[::-1].copy()
     mask = share >= 0.5

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from collections.abc import Iterator
 
 import numpy as np
@@ -32,7 +34,8 @@ def greatest_number(grain: Grain) -> int:
 
 def checked_number(n: int, grain: Grain) -> int:
     """Return n as an int; FitError unless the grain may hold that many control points."""
-    if isinstance(n, bool) or int(n) != n or n < 1:
+    whole = isinstance(n, numbers.Real) and not isinstance(n, bool) and math.isfinite(n) and int(n) == n
+    if not whole or n < 1:
         raise FitError(
             f"n = {n} control points make no avatar of grain '{grain.name}': give a whole number, 1 or more."
         )

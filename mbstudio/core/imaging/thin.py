@@ -27,7 +27,7 @@ _MIDDLE = 0.7  # of the local radius: the least depth of the middle
 _MOST_PLACES = 20_000
 _MOST_NEEDED = 5_000
 _LLOYD_ITERATIONS = 15
-GAP = 2.0
+GAP = 1.7
 """Local radii between the control points of a body that has enough of them."""
 
 

@@ -177,9 +177,7 @@ def test_difficult_shapes_are_sound_or_say_why_not(shape, n: int) -> None:
 
 def test_advice_that_is_followed_cures() -> None:
     z, y, x = np.indices((7, 53, 53))
-    disc = Grain.from_mask(
-        ((x - 26) ** 2 + (y - 26) ** 2 <= 25**2) & (abs(z - 3) <= 1), voxel_size="1 um"
-    )
+    disc = Grain.from_mask(((x - 26) ** 2 + (y - 26) ** 2 <= 25**2) & (abs(z - 3) <= 1), voxel_size="1 um")
     result = fit(disc, n=6)
     assert not result.verdict.valid
     advised = int(result.verdict.reasons[0].split("try ")[1].rstrip("."))
