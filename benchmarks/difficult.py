@@ -143,7 +143,8 @@ def reported() -> dict[str, Make]:
         _sheet("plate", 60, 3), _sheet("plate", 80, 4), _sheet("plate", 100, 5), _sheet("plate", 80, 10),
         _sheet("wavy sheet", 80, 5), _sheet("bowl", 70, 4), _sheet("bowl", 80, 12), _sheet("bowl", 100, 24),
         _sheet("pipe", 80, 6), _sheet("needle", 80, 4), _sheet("needle", 100, 10), _sheet("cross", 80, 8),
-        _sheet("ring", 80, 8), _sheet("ring", 80, 24), _sheet("horseshoe", 80, 8), _sheet("horseshoe", 80, 24),
+        _sheet("ring", 80, 8), _sheet("ring", 80, 24), _sheet("horseshoe", 80, 8),
+        _sheet("horseshoe", 80, 24),
         _made("dumb-bell 100", dumb_bell, 110),
         _made("cobble 8", cobble(rng(51)), 9), _made("cobble 12", cobble(rng(52)), 13),
         _made("angular 15", angular(rng(53)), 16), _made("concave 20", concave(rng(54)), 24),
@@ -168,7 +169,8 @@ def tuning() -> dict[str, Make]:
 
 
 HEADER = (
-    "| grain | n | valid | dV % | rms, voxels | pieces | voids | outside | genus (true) | CPU s | advised n |\n"
+    "| grain | n | valid | dV % | rms, voxels | pieces | voids | outside | genus (true) | CPU s | advised "
+    "n |\n"
     "|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
@@ -192,9 +194,10 @@ def row(known: KnownGrain, n: int, **options: object) -> tuple[str, FitResult | 
     verdict, grain = result.verdict, known.grain
     volume, _ = volume_and_area(result.avatar.control, cells=128)
     genus = round(1 - known.truth.euler_number / 2)
+    off = 100 * (volume / known.truth.volume - 1)
     shown = f"{verdict.genus} ({genus})" + ("" if verdict.genus == genus else " wrong")
     return (
-        f"| {known.name} | {n} | {'yes' if verdict.valid else 'NO'} | {100 * (volume / known.truth.volume - 1):+.2f} "
+        f"| {known.name} | {n} | {'yes' if verdict.valid else 'NO'} | {off:+.2f} "
         f"| {verdict.rms / np.cbrt(grain.voxel_size.volume):.2f} | {verdict.pieces} | {verdict.voids} "
         f"| {verdict.points_outside} | {shown} | {seconds:.2f} | {advised(result)} |"
     ), result
@@ -212,7 +215,8 @@ def table(shapes: dict[str, Make], numbers: tuple[int, ...], **options: object) 
 def advice(shapes: dict[str, Make], numbers: tuple[int, ...], **options: object) -> None:
     """Follow the advice of every verdict that is not valid, once, and print whether that cured it."""
     print(
-        "\n### Following the verdict's advice\n\n| grain | n, not valid | advised n | then |\n|---|---|---|---|"
+        "\n### Following the verdict's advice\n\n"
+        "| grain | n, not valid | advised n | then |\n|---|---|---|---|"
     )
     followed = cured = 0
     for make in shapes.values():

@@ -55,7 +55,7 @@ class GrainSet:
         return (self[index] for index in range(len(self)))
 
     def grain(self, label: int, *, fill_cavities: bool = True) -> Grain:
-        """Return the grain with this label, its enclosed cavities filled or kept; GrainError if there is none."""
+        """Return the grain with this label, its cavities filled or kept; GrainError if there is none."""
         rows = np.flatnonzero(self.table["label"].to_numpy() == label)
         if not len(rows):
             raise GrainError(

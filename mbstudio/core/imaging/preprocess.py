@@ -145,8 +145,8 @@ def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, in
     mask = np.asarray(grain.mask)
     if mask.ndim != 3 or mask.dtype.kind not in "bui":
         raise FitError(
-            f"The mask of grain '{grain.name}' has {mask.ndim} axes of {mask.dtype}: it must be booleans along "
-            "three axes; Grain.from_mask checks it."
+            f"The mask of grain '{grain.name}' has {mask.ndim} axes of {mask.dtype}: it must be booleans "
+            "along three axes; Grain.from_mask checks it."
         )
     if not mask.any():
         raise FitError(f"Grain '{grain.name}' has no voxels: nothing can be fitted to it.")
@@ -233,8 +233,8 @@ def prepare(
     pieces = int(cc3d.connected_components(share > 0, connectivity=26).max())
     if pieces > 1:
         raise FitError(
-            f"Grain '{grain.name}' falls into {pieces} separate pieces: fit each by itself, or make the grain "
-            "with Grain.from_mask(..., keep='largest')."
+            f"Grain '{grain.name}' falls into {pieces} separate pieces: fit each by itself, or make the "
+            "grain with Grain.from_mask(..., keep='largest')."
         )
     spacing_zyx = np.array(grain.voxel_size.zyx) * blocks
     spacing = spacing_zyx[::-1].copy()

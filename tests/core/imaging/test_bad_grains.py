@@ -48,7 +48,7 @@ def test_two_pieces_are_refused() -> None:
     mask[:, :, :5] = mask[:, :, 10:] = True
     with pytest.raises(GrainError, match="2 separate pieces"):
         Grain.from_mask(mask, "1 um")
-    with pytest.raises(FitError, match="'split'.*2 separate pieces"):
+    with pytest.raises(FitError, match=r"'split'.*2 separate pieces"):
         fit(Grain(mask, UM, name="split"), 5)
     assert fit(Grain.from_mask(mask, "1 um", keep="largest"), 8).verdict.volume_error == pytest.approx(
         0, abs=0.01

@@ -81,5 +81,5 @@ def test_a_grain_without_cavities_warns_of_nothing(ellipsoid_grain: Grain) -> No
 
 def test_an_unknown_way_with_cavities_is_named(shell: Grain) -> None:
     for method in ("fast", "paper"):
-        with pytest.raises(FitError, match="'leave'.*'fill' or 'keep'"):
+        with pytest.raises(FitError, match=r"'leave'.*'fill' or 'keep'"):
             start_fit(shell, 10, method, cavities="leave")  # type: ignore[arg-type]
