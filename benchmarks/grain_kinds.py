@@ -130,31 +130,21 @@ DIFFICULT: dict[str, Implicit] = {
 }  # fmt: skip
 
 
-def known_grain(
-    kind: str, name: str, implicit: Implicit, side: int, size: str | VoxelSize = "10 um"
-) -> KnownGrain:
-    """Return voxels and true surface of an implicit body; `side` voxels span the box."""
+def _values(implicit: Implicit, axes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return an implicit body's values on a grid of axes z, y, x, layer by layer."""
+    z, y, x = axes
+    yy, xx = np.meshgrid(y, x, indexing="ij")
+    flat = [np.stack([xx.ravel(), yy.ravel(), np.full(xx.size, height)], axis=1) for height in z]
+    return np.stack([implicit(points).reshape(xx.shape) for points in flat])
+
+
+def _true_surface(implicit: Implicit, fine: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners, moved onto the body's zero, and triangles of its contour on `fine` cells a side."""
     from skimage.measure import marching_cubes
 
-    edge = 2.0 / side
-    axis = (np.arange(side) + 0.5) * edge - 1
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    value = implicit(np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)).reshape(side, side, side)
-    mask = value < 0
-    import cc3d
-
-    labels = cc3d.connected_components(mask, connectivity=6)
-    mask = labels == np.bincount(labels.ravel())[1:].argmax() + 1
-    value[(labels > 0) & ~mask] = edge
-    # The truth is contoured at least 128 across, whatever the voxels.
-    fine = max(side, 128)
-    if fine != side:
-        step = 2.0 / fine
-        axis = (np.arange(fine) + 0.5) * step - 1
-        z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-        value = implicit(np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)).reshape(fine, fine, fine)
     step = 2.0 / fine
-    padded = np.pad(value, 1, constant_values=step)
+    axis = (np.arange(fine) + 0.5) * step - 1
+    padded = np.pad(_values(implicit, (axis, axis, axis)), 1, constant_values=step)
     vertices, faces, _, _ = marching_cubes(padded, 0.0, gradient_direction="ascent")
     points = (vertices[:, ::-1] - 0.5) * step - 1
     for _ in range(3):
@@ -167,13 +157,37 @@ def known_grain(
             points
             + move * np.minimum(1, 0.5 * step / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
         )
+    return points, faces
+
+
+def known_grain(
+    kind: str,
+    name: str,
+    implicit: Implicit,
+    side: int,
+    size: str | VoxelSize = "10 um",
+    ratio: tuple[float, float, float] = (1, 1, 1),
+) -> KnownGrain:
+    """Return voxels and true surface of an implicit body; `side` voxels span the box.
+
+    A `ratio` (z, y, x) makes the voxels longer, and so fewer, along an axis; the body stays the same.
+    """
+    import cc3d
+
+    edge, base = 2.0 / side, VoxelSize.parse(size)
+    axes = [(np.arange(int(np.ceil(side / r))) + 0.5) * edge * r - 1 for r in ratio]
+    labels = cc3d.connected_components(_values(implicit, (axes[0], axes[1], axes[2])) < 0, connectivity=6)
+    mask = labels == np.bincount(labels.ravel())[1:].argmax() + 1
+    # The truth is contoured at least 128 across, whatever the voxels.
+    points, faces = _true_surface(implicit, min(max(side, 128), 256))
     low = np.argwhere(mask).min(axis=0)
     high = np.argwhere(mask).max(axis=0) + 1
-    voxel = VoxelSize.parse(size)
+    voxel = VoxelSize(base.z * ratio[0], base.y * ratio[1], base.x * ratio[2], base.unit)
     box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
     # The frame: the box's corner at -voxel/2, so that voxel [0, 0, 0] of the whole box is at 0.
     origin = tuple(float(v) for v in low[::-1] * np.array(voxel.xyz))
-    mesh = trimesh.Trimesh(((points + 1) / edge - 0.5) * voxel.xyz, faces, process=False)
+    corners = (points + 1) / edge * base.xyz - 0.5 * np.array(voxel.xyz)
+    mesh = trimesh.Trimesh(corners, faces, process=False)
     parts = mesh.split(only_watertight=True) if mesh.body_count > 1 else [mesh]
     truth = max(parts, key=lambda part: part.volume)
     return KnownGrain(

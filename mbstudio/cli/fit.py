@@ -45,6 +45,10 @@ def fit(
             help="An option of the method; may be given again. See the guide.",
         ),
     ] = None,
+    cavities: Annotated[
+        str,
+        typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar."),
+    ] = "fill",
     seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
     workers: inputs.WorkersOption = None,
     grains: Annotated[
@@ -82,7 +86,7 @@ def fit(
     from mbstudio.core.project import FitSettings, Project
 
     begun = time.monotonic()
-    options = read_options(method, option or ())  # type: ignore[arg-type]
+    options = read_options(method, [f"cavities={cavities}", *(option or ())])  # type: ignore[arg-type]
     output = _choose_output(source, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold)
     if inputs.is_mesh(source):
@@ -114,6 +118,13 @@ def fit(
         console.print_facts(f"Avatars of {source.name}", summary)
     for label, reason in list(outcome.failures.items())[:5]:
         console.tell(f"mbstudio: grain {label} has no avatar: {reason}")
+    warned = {
+        label: result.verdict.warnings for label, result in outcome.fits.items() if result.verdict.warnings
+    }
+    for label, told in list(warned.items())[:5]:
+        console.tell(f"mbstudio: grain {label}: {' '.join(told)}")
+    if len(warned) > 5:
+        console.tell(f"mbstudio: and {len(warned) - 5} more grains with cavities.")
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(f"mbstudio: interrupted with {left} grains to go: fit {output} to go on.")

@@ -278,3 +278,28 @@ def test_debug_shows_where(capsys, tmp_path):
 
     with pytest.raises(ProjectError):
         main(["--debug", "measure", str(tmp_path / "none.mbs")])
+
+
+def test_an_unknown_way_with_cavities(mbstudio, fitted_project, tmp_path):
+    ran = mbstudio(
+        "fit", fitted_project, "--refit", "--limit", 1, "--workers", 0, "--cavities", "leave",
+        "-o", tmp_path / "a.mbs",
+    )  # fmt: skip
+    assert_one_message(ran, "'leave'")
+    assert not (tmp_path / "a.mbs").exists()
+
+
+def test_filled_cavities_are_told_and_kept_on_request(mbstudio, tmp_path):
+    labels = np.zeros((30, 30, 30), np.uint8)
+    square = ((np.indices(labels.shape) - 15) ** 2).sum(axis=0)
+    labels[(square < 100) & (square > 16)] = 1
+    tifffile.imwrite(tmp_path / "scan.tif", (labels * 200).astype(np.uint16), photometric="minisblack")
+    tifffile.imwrite(tmp_path / "labels.tif", labels, photometric="minisblack")
+    call = ("fit", tmp_path / "scan.tif", "--voxel-size", "5 um", "--labels", tmp_path / "labels.tif",
+            "--workers", 0, "-n", 30, "--grains", 1)  # fmt: skip
+    ran = mbstudio(*call, "-o", tmp_path / "filled.mbs")
+    assert ran.code == 0
+    assert "grain 1: Cavities of 257 voxels inside the grain were filled" in ran.err
+    ran = mbstudio(*call, "--cavities", "keep", "-o", tmp_path / "kept.mbs")
+    assert ran.code == 0
+    assert "grain 1: The grain's cavities (1) were kept as asked" in ran.err

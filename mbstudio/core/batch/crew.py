@@ -120,7 +120,8 @@ class _ByLabel:
     def __init__(self, grains: dict[int, Grain]) -> None:
         self._grains = grains
 
-    def grain(self, label: int) -> Grain:
+    def grain(self, label: int, *, fill_cavities: bool = True) -> Grain:
+        # These grains were made by the caller, who has chosen: a fit fills what cavities they have.
         if label not in self._grains:
             raise FitError(f"There is no grain {label} in this batch.")
         return self._grains[label]
@@ -162,7 +163,7 @@ class _Tasks:
 
     def grain(self, label: int) -> Grain:
         # Grains are cut out of the label volume only when their turn comes.
-        return self._grains.grain(label)
+        return self._grains.grain(label, fill_cavities=self.options.get("cavities") != "keep")
 
 
 def _in_this_thread(tasks: _Tasks) -> Iterator[BatchItem]:

@@ -32,6 +32,7 @@ def send_task(
         "label": grain.label,
         "touches_border": grain.touches_border,
         "name": grain.name,
+        "filled_voxels": grain.filled_voxels,
         "n": n,
         "method": method,
         "seed": seed,
@@ -50,6 +51,7 @@ def _grain_of(head: dict[str, Any], bits: np.ndarray) -> Grain:
         head["label"],
         head["touches_border"],
         head["name"],
+        head["filled_voxels"],
     )
 
 
@@ -59,7 +61,7 @@ def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
     if head["error"] is not None:
         return None, head["error"]
     avatar = Avatar(arrays["centers"], arrays["weights"], head["unit"], head["label"], head["name"])
-    told = {name: tuple(head["verdict"][name]) for name in ("reasons", "remarks")}
+    told = {name: tuple(head["verdict"][name]) for name in ("reasons", "warnings")}
     verdict = Verdict(**{**head["verdict"], **told})
     return FitResult(
         avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"],

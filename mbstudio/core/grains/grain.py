@@ -35,6 +35,8 @@ class Grain:
         Whether the scan cuts it off, so that its true shape is unknown.
     name : str
         A short name for tables and file names.
+    filled_voxels : int
+        Voxels of enclosed cavities that were filled when the grain was made.
     """
 
     mask: Bool[np.ndarray, "Z Y X"]
@@ -43,6 +45,7 @@ class Grain:
     label: int | None = None
     touches_border: bool = False
     name: str = "grain"
+    filled_voxels: int = 0
 
     @property
     def unit(self) -> str:

@@ -54,26 +54,30 @@ class GrainSet:
     def __iter__(self) -> Iterator[Grain]:
         return (self[index] for index in range(len(self)))
 
-    def grain(self, label: int) -> Grain:
-        """Return the grain with this label; GrainError if there is none."""
+    def grain(self, label: int, *, fill_cavities: bool = True) -> Grain:
+        """Return the grain with this label, its cavities filled or kept; GrainError if there is none."""
         rows = np.flatnonzero(self.table["label"].to_numpy() == label)
         if not len(rows):
             raise GrainError(
                 f"There is no grain {label}: the labels run from 1 to {int(self.table['label'].max())}."
             )
-        return self[int(rows[0])]
+        return self._grain_of_row(self.table.iloc[int(rows[0])], fill_cavities)
 
     @property
     def interior_labels(self) -> list[int]:
         """Labels of the grains that do not touch the border."""
         return [int(label) for label in self.table.loc[~self.table["touches_border"], "label"]]
 
-    def _grain_of_row(self, row: pd.Series) -> Grain:
-        """Cut the grain out of the label volume; what other labels fill inside it is its own."""
+    def _grain_of_row(self, row: pd.Series, fill_cavities: bool = True) -> Grain:
+        """Cut the grain out of the label volume; what other labels fill inside it is its own if filled."""
         label = int(row["label"])
         box = tuple(slice(int(row[f"{axis}0"]), int(row[f"{axis}1"])) for axis in "zyx")
-        mask = without_cavities(self.labels[box] == label)
+        solid = self.labels[box] == label
+        mask = without_cavities(solid) if fill_cavities else solid
         mask.flags.writeable = False
         corner = self.voxel_size.positions(np.array([[part.start for part in box]]), self.origin)[0]
         origin = (float(corner[0]), float(corner[1]), float(corner[2]))
-        return Grain(mask, self.voxel_size, origin, label, bool(row["touches_border"]), f"grain {label}")
+        return Grain(
+            mask, self.voxel_size, origin, label, bool(row["touches_border"]), f"grain {label}",
+            filled_voxels=int(np.count_nonzero(mask) - np.count_nonzero(solid)),
+        )  # fmt: skip

@@ -48,13 +48,14 @@ def grain_from_mask(
         inside = pieces == 1 + int(counts.argmax())
     box = bounding_box(inside)
     inside = inside[box].copy()
+    cavity = 0
     if fill_cavities:
         filled = without_cavities(inside)
         cavity = int(np.count_nonzero(filled)) - int(np.count_nonzero(inside))
         if cavity:
             warnings.warn(
                 f"The mask of '{name}' had enclosed cavities of {cavity} voxels, which were filled; "
-                "pass fill_cavities=False to keep them.",
+                "pass fill_cavities=False here and cavities='keep' to the fit to keep them.",
                 GrainWarning,
                 stacklevel=3,
             )
@@ -62,7 +63,7 @@ def grain_from_mask(
     inside.flags.writeable = False
     corner = size.positions(np.array([[part.start for part in box]]), origin)[0]
     place = (float(corner[0]), float(corner[1]), float(corner[2]))
-    return Grain(inside, size, place, label, touches_border, name)
+    return Grain(inside, size, place, label, touches_border, name, filled_voxels=cavity)
 
 
 def _boolean(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:

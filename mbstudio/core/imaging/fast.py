@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float64
 
 from mbstudio.core.errors import FitError
-from mbstudio.core.imaging.control_points import control_of_spheres, with_number
+from mbstudio.core.imaging.control_points import control_of_spheres
 from mbstudio.core.imaging.guard import (
     ITERATIONS_PER_ROUND,
     MOST_ROUNDS,
@@ -18,13 +19,15 @@ from mbstudio.core.imaging.guard import (
     repair,
 )
 from mbstudio.core.imaging.loss import mean_loss
+from mbstudio.core.imaging.preprocess import Cavities
 from mbstudio.core.imaging.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.imaging.steps import SearchStep
+from mbstudio.core.imaging.thin import spread
 from mbstudio.core.metaball.field import solid_bounds
-from mbstudio.core.metaball.surface import volume_and_area
+from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
 
 
@@ -40,6 +43,9 @@ class FastOptions:
         Longest side of the working grid; larger grains are averaged in blocks.
     hull_points : int
         Points on the surface at most.
+    cavities : {'fill', 'keep'}
+        Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have
+        them: a void of its own for each, as far as n allows, which is then no fault.
     refine : RefineSettings
         Constants of the search.
     """
@@ -47,6 +53,7 @@ class FastOptions:
     generations: int = 60
     working_side: int = 120
     hull_points: int = 24_000
+    cavities: Cavities = "fill"
     refine: RefineSettings = field(default_factory=RefineSettings)
 
     def __post_init__(self) -> None:
@@ -55,13 +62,17 @@ class FastOptions:
                 raise FitError(
                     f"{name} = {getattr(self, name)} does not suit method 'fast': give {least} or more."
                 )
+        if self.cavities not in get_args(Cavities):
+            raise FitError(f"cavities='{self.cavities}' is not known: use 'fill' or 'keep'.")
 
 
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
 _GOOD_SCORE = 0.15
-_MOST_MATCHED = 0.02
+_MOST_MATCHED = 0.03
+_MATCHED = "all weights scaled a little to match the volume of the voxels"
 # By how much the score may grow for the right number of handles.
 _MOST_FOR_HANDLES = 1.5
+_MOST_MATCHED_OF_THIN = 0.08
 # Share of the control points relocated at a time; steps between, until and after relocations.
 _RELOCATED = 0.1
 _RELOCATE_EVERY = 8
@@ -99,8 +110,12 @@ class FastFit(StepRun):
         return iter(found[len(self._spheres_found) :])
 
     def _control_of(self, spheres: Sequence[Sphere]) -> np.ndarray:
+        """Return control points of spheres; in a thin body spread over its middle where that is truer."""
         assert self.prepared is not None
-        return control_of_spheres(self.prepared, spheres)
+        prepared, control = self.prepared, control_of_spheres(self.prepared, spheres)
+        if prepared.slenderness > 1 and (even := spread(prepared, len(spheres))) is not None:
+            return min(control, even, key=lambda start: Refinement(prepared, start).rms())
+        return control
 
     def _begin_at(self, control: np.ndarray) -> float:
         self._begin(control, self.options.refine)
@@ -137,12 +152,15 @@ class FastFit(StepRun):
             yield from self._descend(min(for_area, last - self.generation - 1), last, relocates=False)
         if generations > 1:
             if self._match_volume():
-                yield self._step(last, note="all weights scaled a little to match the volume of the voxels")
+                yield self._step(last, _MATCHED)
             elif self.generation < last:
                 yield from self._descend(1, last)
+        matched = self.generation
         yield from self._guarded(last)
         if generations > 1:
             yield from self._mended(last)
+            if self.generation > matched:
+                yield from self._volume_matched_again(last)
 
     def _descend(self, count: int, last: int, *, relocates: bool = True) -> Iterator[SearchStep]:
         """Yield steps until `count`, or until progress stops; control points are relocated on the way."""
@@ -184,15 +202,36 @@ class FastFit(StepRun):
         """Take away a small volume error that the search left, by one factor on all weights."""
         assert self._refinement is not None
         assert self.prepared is not None
-        control = self._refinement.control.copy()
-        for _ in range(2):
-            volume, _ = volume_and_area(control, cells=64, bounds=solid_bounds(control, rounds=1))
-            ratio = volume / self.prepared.volume
-            if abs(ratio - 1) > _MOST_MATCHED:  # more would only hide a wrong shape
+        prepared, control = self.prepared, self._refinement.control.copy()
+        thin = prepared.slenderness > 1
+        # More would only hide a wrong shape; but in thin bodies that much is soon a small displacement.
+        most = max(_MOST_MATCHED, min(_MOST_MATCHED_OF_THIN, 0.4 * prepared.voxel / prepared.thickness))
+        # Of a sphere, V goes with k**(3/2); of a sheet of many control points with some k**4.
+        power, moved, before = (4.0, 0.0, 0.0) if thin else (1.5, 0.0, 0.0)
+        for done in range(5 if thin else 2):
+            volume, _ = volume_and_area_of_thin(control, 64, solid_bounds(control, rounds=1))
+            excess = float(np.log(volume / prepared.volume))
+            if abs(excess) > most:
                 return False
-            control[3] *= ratio ** (-2 / 3)  # of a sphere, V goes with k**(3/2)
+            if thin and done and abs(moved) > 1e-9:
+                power = float(np.clip((excess - before) / moved, 1.0, 8.0))
+            moved, before = -excess / power, excess
+            control[3] *= np.exp(moved)
         self._refinement.control = control
         return True
+
+    def _volume_matched_again(self, last: int) -> Iterator[SearchStep]:
+        """Yield a step with the volume of the voxels, if the avatar's topology stays as it is."""
+        assert self._refinement is not None
+        before, found = self._refinement.control, self._look()
+        if not self._match_volume():
+            return
+        now = topology(self._refinement.control)
+        if (now.pieces, now.voids, now.genus) != (found.pieces, found.voids, found.genus):
+            self._refinement.control = before
+            return
+        yield self._step(last, _MATCHED)
+        self._found = now
 
     def _guarded(self, last: int) -> Iterator[SearchStep]:
         """Yield further steps until the avatar is one piece without a void, by ever stronger means."""
@@ -229,7 +268,7 @@ class FastFit(StepRun):
         assert self._refinement is not None
         assert self.prepared is not None
         wanted = self.prepared.genus
-        if self._look().genus == wanted:
+        if wanted is None or self._look().genus == wanted:
             return
         candidates = [self._forced()]
         affordable = _MOST_FOR_HANDLES * candidates[0].score
@@ -241,7 +280,7 @@ class FastFit(StepRun):
                 self._refinement.advance()
                 yield self._step(last, note if step == 0 else "")
             if self._look().is_sound and self._match_volume():
-                yield self._step(last, "all weights scaled a little to match the volume of the voxels")
+                yield self._step(last, _MATCHED)
             candidates.append(self._forced())
             if self._look().genus == wanted or candidates[-1].score > affordable:
                 break
@@ -257,24 +296,27 @@ class FastFit(StepRun):
 
     def _is_content(self, candidate: _Candidate) -> bool:
         """Tell whether the present avatar, scored as `candidate`, is sound without force and true enough."""
-        return self._look().is_sound and candidate.score < _GOOD_SCORE
+        return self._is_sound(self._look()) and candidate.score < _GOOD_SCORE
 
     def _fresh(self, n: int) -> np.ndarray:
-        """Return control points of the first n spheres (split further where fewer were found)."""
-        assert self.prepared is not None
-        control = control_of_spheres(self.prepared, self._spheres_found[:n])
-        return control if control.shape[1] == n else with_number(control, n, self.prepared)
+        """Return the start from n spheres."""
+        return self._control_of(self._first_spheres(n))
 
     def _rounds(self, last: int) -> Iterator[SearchStep]:
         assert self._refinement is not None
         rng = np.random.default_rng([self.seed, 1])
         for number in range(MOST_ROUNDS):
-            if self._look().is_sound:
+            if self._is_sound(self._look()):
                 return
             note = repair(self._refinement, self._look(), number, rng)
             for step in range(ITERATIONS_PER_ROUND):
                 self._refinement.advance()
                 yield self._step(last, note if step == 0 else "")
+
+    def _is_sound(self, found: Topology) -> bool:
+        """One piece, and no void beyond the cavities that were kept on purpose."""
+        assert self.prepared is not None
+        return found.pieces == 1 and found.voids <= self.prepared.cavities
 
     def _look(self) -> Topology:
         assert self.control is not None
@@ -287,8 +329,8 @@ class FastFit(StepRun):
         assert self.prepared is not None
         assert self.control is not None
         control, found, note = self.control, self._look(), "the soundest avatar so far"
-        if not found.is_sound:
+        if not self._is_sound(found):
             control, found, note = force_sound(self.control, self.prepared)
-        volume, _ = volume_and_area(control)
+        volume, _ = volume_and_area_of_thin(control)
         rms = Refinement(self.prepared, control).rms()
         return _Candidate(control.copy(), found, rms + abs(volume / self.prepared.volume - 1), note)

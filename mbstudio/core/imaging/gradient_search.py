@@ -99,7 +99,7 @@ class PaperFit(StepRun):
         options = self.options
         return prepare(
             self.grain, self.seed, working_side=options.working_side, hull_points=options.hull_points,
-            hull=options.hull,
+            hull=options.hull, cavities=options.cavities,
         )  # fmt: skip
 
     def _further_spheres(self, n: int) -> Iterator[Sphere]:

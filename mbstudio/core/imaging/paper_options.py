@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args, get_origin, get_type_hints
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.imaging.preprocess import Cavities
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,9 @@ class PaperOptions:
         works on all voxels.
     hull_points : int
         Points of the hull at most. The paper works on all of them.
+    cavities : {'fill', 'keep'}
+        Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have
+        them: a void of its own for each, as far as n allows, which is then no fault.
     clustering : {'letter', 'incremental'}
         A distance transform for each sphere, or one lowered locally.
     """
@@ -86,6 +90,7 @@ class PaperOptions:
     used_up: Literal["overlap", "stop"] = "overlap"
     working_side: int = 200
     hull_points: int = 24_000
+    cavities: Cavities = "fill"
     clustering: Literal["letter", "incremental"] = "letter"
 
     def __post_init__(self) -> None:

@@ -20,10 +20,13 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.topology import genus_of_voxels
 
+Cavities = Literal["fill", "keep"]
+
 PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
 _SMOOTHING_OF_FEW = 0.6  # of a grain below it
 _LONG_VOXELS = 1.5  # longest edge over shortest
+_THIN = 0.35  # thickness in working lengths
 _SMOOTHING_OF_BLOCKS = 0.5  # block averages are smooth already: more only rounds the edges
 
 
@@ -35,7 +38,7 @@ class PreparedGrain:
     ----------
     grain : Grain
     mask : bool array, shape (Z, Y, X)
-        Padded, possibly coarsened grain with cavities filled.
+        Padded, possibly coarsened grain, its cavities filled or kept.
     distance : float array, shape (Z, Y, X)
         Signed distance to the surface, positive inside, in working lengths.
     origin, spacing : float array, shape (3,)
@@ -53,12 +56,16 @@ class PreparedGrain:
     volume, area : float
         Volume by counting the scan's own voxels, and area of the surface that the hull points lie on
         (NaN where voxels are too few or too long to tell it), in working lengths cubed and squared.
+    thickness : float
+        2 V / A in working lengths: the thickness of a sheet, half that of a rod.
     center : float array, shape (3,)
         Centre of the working frame in the grain's frame and unit.
     scale : float
         Length of one working length in the grain's unit.
     filled : int
-        Voxels of cavities that were filled.
+        Voxels of the working grid in cavities that were filled.
+    cavities : int
+        Cavities that were kept.
     """
 
     grain: Grain
@@ -73,9 +80,11 @@ class PreparedGrain:
     interior_depth: Float64[np.ndarray, "p"]
     volume: float
     area: float
+    thickness: float
     center: Float64[np.ndarray, "3"]
     scale: float
     filled: int
+    cavities: int = 0
 
     @property
     def deepest(self) -> float:
@@ -83,9 +92,9 @@ class PreparedGrain:
         return float(self.distance.max())
 
     @cached_property
-    def genus(self) -> int:
-        """Number of handles of :attr:`shape`."""
-        return genus_of_voxels(self.shape)
+    def genus(self) -> int | None:
+        """Number of handles of :attr:`shape`; not counted of a grain with cavities."""
+        return None if self.cavities else genus_of_voxels(self.shape)
 
     @cached_property
     def shape(self) -> Bool[np.ndarray, "Z Y X"]:
@@ -105,6 +114,17 @@ class PreparedGrain:
         smooth = gaussian_filter(self.mask.astype(np.float32), sigma, truncate=3.0) > 0.5
         smooth = fill_voids.fill(cc3d.largest_k(smooth, 1, connectivity=26) > 0, in_place=False)
         return smooth if 0 <= genus_of_voxels(smooth) < genus else self.mask
+
+    @property
+    def filled_voxels(self) -> int:
+        """Voxels of the scan in cavities that were filled, here or when the grain was made."""
+        blocks = np.rint(self.spacing * self.scale / self.grain.voxel_size.xyz)
+        return self.grain.filled_voxels + self.filled * int(blocks.prod())
+
+    @property
+    def slenderness(self) -> float:
+        """How many times thinner the body is than one that counts as thin; at least 1."""
+        return max(1.0, _THIN / self.thickness)
 
     def avatar(self, control: Float64[np.ndarray, "4 n"]) -> Avatar:
         """Return control points (rows x, y, z, k in the working frame) as an avatar over the scan."""
@@ -183,7 +203,12 @@ def along_curve(points: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m 3"
 def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, int, int]]:
     """Return the share of each (block of) voxel(s) that is inside, padded, and the block (z, y, x)."""
     mask = np.asarray(grain.mask)
-    if mask.ndim != 3 or 0 in mask.shape or not mask.any():
+    if mask.ndim != 3 or mask.dtype.kind not in "bui":
+        raise FitError(
+            f"The mask of grain '{grain.name}' has {mask.ndim} axes of {mask.dtype}: it must be booleans "
+            "along three axes; Grain.from_mask checks it."
+        )
+    if not mask.any():
         raise FitError(f"Grain '{grain.name}' has no voxels: nothing can be fitted to it.")
     edges = np.array(grain.voxel_size.zyx)
     longest = float((np.array(mask.shape) * edges).max())
@@ -229,7 +254,7 @@ def _hull_points(
     fractions = (np.arange(count) + rng.random(count)) / count
     chosen = _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
     # Even samples of few voxels would only be truer to their steps.
-    return (along_curve(chosen), float(areas.sum())) if sharpened else (chosen, float("nan"))
+    return along_curve(chosen) if sharpened else chosen, float(areas.sum())
 
 
 def _outermost_voxels(
@@ -251,6 +276,7 @@ def prepare(
     working_side: int = 120,
     hull_points: int = 24_000,
     hull: Literal["surface", "voxels"] = "surface",
+    cavities: Cavities = "fill",
 ) -> PreparedGrain:
     """Crop, pad, coarsen and centre a grain; find its signed distance and hull points.
 
@@ -266,17 +292,26 @@ def prepare(
         Points on the surface at most.
     hull : {'surface', 'voxels'}
         Points spread evenly over the smoothed surface, or the centres of the outermost voxels.
+    cavities : {'fill', 'keep'}
+        Whether enclosed cavities become solid, or stay empty with a surface of their own.
 
     Raises
     ------
     FitError
-        If the grain has no voxels.
+        If the grain has no voxels or several pieces, or its mask is not 3-D or not of whole numbers.
     """
+    import cc3d
     import edt
     import fill_voids
 
     rng = np.random.default_rng([seed, 0])
     share, blocks = _coarsen(grain, working_side)
+    pieces = int(cc3d.connected_components(share > 0, connectivity=26).max())
+    if pieces > 1:
+        raise FitError(
+            f"Grain '{grain.name}' falls into {pieces} separate pieces: fit each by itself, or make the "
+            "grain with Grain.from_mask(..., keep='largest')."
+        )
     spacing_zyx = np.array(grain.voxel_size.zyx) * blocks
     spacing = spacing_zyx[::-1].copy()
     mask = share >= 0.5
@@ -284,7 +319,12 @@ def prepare(
         # A plate thinner than half a block: all that it touches, or there would be no surface.
         mask = share > 0
         share[mask] = 1.0
-    mask, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
+    solid, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
+    kept = 0
+    if cavities == "keep":
+        kept, filled = int(cc3d.connected_components(solid & ~mask, connectivity=6).max()), 0
+    else:
+        mask = solid
     if filled:
         share[mask & (share < 0.5)] = 1.0
     voxel = float(np.cbrt(spacing.prod()))
@@ -315,13 +355,14 @@ def prepare(
         deep = rng.choice(deep, 800, replace=False, shuffle=False)
     where = np.stack(np.unravel_index(deep, mask.shape), axis=1)[:, ::-1] * spacing
     first = np.asarray(grain.origin) + (np.array(blocks[::-1]) - 1) / 2 * grain.voxel_size.xyz - PAD * spacing
-    voxels = grain.voxel_count + filled * int(np.prod(blocks))
+    volume = (grain.voxel_count + filled * int(np.prod(blocks))) * grain.voxel_size.volume
     return PreparedGrain(
         grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
         spacing=spacing / scale, voxel=voxel / scale,
         fineness=voxel * max(0.5, float(np.cbrt(1 / np.prod(blocks)))) / scale,
         hull=(points - middle) / scale, interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
-        volume=voxels * grain.voxel_size.volume / scale**3, area=area / scale**2, center=first + middle,
-        scale=scale, filled=int(filled),
+        volume=volume / scale**3, area=area / scale**2 if sharpened else float("nan"),
+        thickness=2 * volume / area / scale, center=first + middle, scale=scale, filled=int(filled),
+        cavities=kept,
     )  # fmt: skip

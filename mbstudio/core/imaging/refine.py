@@ -126,6 +126,8 @@ class Refinement:
             self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
             dtype=np.float32,
         )  # fmt: skip
+        # In a thin body the same displacement is a larger share of the volume.
+        self._volume_weight = self.settings.volume_weight * prepared.slenderness**2
         self._offset = 0
         self._wanted_area: float | None = None
         self.set_control(control)
@@ -181,8 +183,11 @@ class Refinement:
         self._measure_solid()
 
     def _measure_solid(self) -> None:
-        cells = 32 if self._wanted_area is None else 48
-        volume, area = volume_and_area(self.control, cells=cells, bounds=solid_bounds(self.control, rounds=1))
+        bounds = solid_bounds(self.control, rounds=1)
+        # Sheets thinner than three cells would have a wrong volume.
+        fine = int(min(3 * float((bounds[1] - bounds[0]).max()) / self.prepared.thickness, 96))
+        cells = max(32 if self._wanted_area is None else 48, fine)
+        volume, area = volume_and_area(self.control, cells=cells, bounds=bounds)
         self.volume_error = volume / self.prepared.volume - 1.0
         displacement = (volume - self.prepared.volume) / max(area, 1e-12)
         residual, _ = self._surface_rows(self.control.astype(np.float32), None)
@@ -237,7 +242,7 @@ class Refinement:
         shallow = np.maximum(self.soft_depth - depth, 0) * (
             self.settings.depth_weight / np.sqrt(control.shape[1])
         )
-        volume = self.settings.volume_weight * (float(residual.mean(dtype=np.float64)) + self._volume_offset)
+        volume = self._volume_weight * (float(residual.mean(dtype=np.float64)) + self._volume_offset)
         area = self._area_weight * (
             float(np.mean(self._bend * residual, dtype=np.float64)) + self._area_offset
         )
@@ -267,7 +272,7 @@ class Refinement:
         add_normal_matrix(
             rows, np.concatenate([residual * root, hinge[active]]).astype(np.float32), matrix, gradient
         )
-        mean = rows[:, :m].sum(axis=1, dtype=np.float64) * (float(root) * self.settings.volume_weight)
+        mean = rows[:, :m].sum(axis=1, dtype=np.float64) * (float(root) * self._volume_weight)
         matrix += np.outer(mean, mean)
         gradient += mean * volume
         if self._area_weight:

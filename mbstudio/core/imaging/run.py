@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
@@ -13,7 +15,7 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.options import changed_options
-from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
+from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
 from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep, Verdict
 from mbstudio.core.metaball.avatar import Avatar
@@ -38,7 +40,8 @@ def greatest_number(grain: Grain) -> int:
 
 def checked_number(n: int, grain: Grain) -> int:
     """Return n as an int; FitError unless the grain may hold that many control points."""
-    if isinstance(n, bool) or int(n) != n or n < 1:
+    whole = isinstance(n, numbers.Real) and not isinstance(n, bool) and math.isfinite(n) and int(n) == n
+    if not whole or n < 1:
         raise FitError(
             f"n = {n} control points make no avatar of grain '{grain.name}': give a whole number, 1 or more."
         )
@@ -70,6 +73,8 @@ class _Options(Protocol):
     def working_side(self) -> int: ...
     @property
     def hull_points(self) -> int: ...
+    @property
+    def cavities(self) -> Cavities: ...
 
 
 class StepRun(ABC):
@@ -209,8 +214,9 @@ class StepRun(ABC):
     def _prepare(self) -> PreparedGrain:
         options = self.options
         return prepare(
-            self.grain, self.seed, working_side=options.working_side, hull_points=options.hull_points
-        )
+            self.grain, self.seed, working_side=options.working_side, hull_points=options.hull_points,
+            cavities=options.cavities,
+        )  # fmt: skip
 
     def _first_spheres(self, n: int) -> list[Sphere]:
         """Return n spheres; those of a smaller number are the first of a larger."""
@@ -228,14 +234,17 @@ class StepRun(ABC):
 
     def _judge(self) -> Verdict:
         from mbstudio.core.imaging.guard import lies_outside
+        from mbstudio.core.imaging.thin import number_needed
         from mbstudio.core.metaball.validity import check
 
         assert self.prepared is not None
         assert self.control is not None
+        prepared = self.prepared
         return check(
-            self.prepared.avatar(self.control), self.grain, rms=self._rms_now() * self.prepared.scale,
-            found=self._topology_known(), outside=lies_outside(self.control, self.prepared), asked=self.n,
-            grain_genus=self.prepared.genus,
+            prepared.avatar(self.control), self.grain, rms=self._rms_now() * prepared.scale,
+            found=self._topology_known(), outside=lies_outside(self.control, prepared), asked=self.n,
+            grain_genus=prepared.genus, needed=lambda: number_needed(prepared), kept=prepared.cavities,
+            filled=prepared.filled_voxels,
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:
@@ -255,8 +264,8 @@ class StepRun(ABC):
             return prepared.avatar(control_of_spheres(prepared, spheres))
 
         note = ""
-        if len(spheres) == 1 and prepared.filled:
-            note = "a cavity inside the grain was filled"
+        if len(spheres) == 1 and prepared.filled_voxels:
+            note = f"cavities of {prepared.filled_voxels} voxels inside the grain were filled"
         return SearchStep("clustering", len(spheres), self.n, float("nan"), float("nan"), make, note)
 
     def _record(self, loss: float, rms: float, generations: int, note: str = "") -> SearchStep:

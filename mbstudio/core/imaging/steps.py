@@ -64,7 +64,8 @@ class Verdict:
     Attributes
     ----------
     valid : bool
-        One piece, no void, every control point inside, volume within 5 %.
+        One piece, no void (but those that were kept on purpose), every control point inside, volume
+        within 5 %.
     pieces, voids : int
         Connected pieces of the solid, and cavities inside it.
     genus : int or None
@@ -77,13 +78,14 @@ class Verdict:
         Root mean square surface distance in the grain's unit.
     reasons : tuple of str
         Why it is not valid, and what to do, in words for the user; empty when valid.
+    warnings : tuple of str
+        What the user should know though it makes no avatar invalid: cavities filled or kept, handles
+        that differ from the grain's.
     smallest_neck : float or None
         Diameter in the avatar's unit of the thinnest place between two thicker parts; of the
         largest inscribed sphere if there is none; 0 for several pieces; None if unknown.
     grain_genus : int or None
         Number of handles of the grain's voxels; None if unknown.
-    remarks : tuple of str
-        What a user should know of a valid avatar too: handles that differ from the grain's.
     """
 
     valid: bool
@@ -96,7 +98,7 @@ class Verdict:
     reasons: tuple[str, ...] = ()
     smallest_neck: float | None = None
     grain_genus: int | None = None
-    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

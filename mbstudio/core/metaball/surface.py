@@ -118,6 +118,26 @@ def volume_and_area(
     return float(volume), float(area)
 
 
+def volume_and_area_of_thin(
+    control: Float64[np.ndarray, "4 n"],
+    cells: int = 64,
+    bounds: Float64[np.ndarray, "2 3"] | None = None,
+    *,
+    finest: int = 192,
+) -> tuple[float, float]:
+    """Return volume and area as :func:`volume_and_area`, on a finer grid where the solid is thin.
+
+    A sheet thinner than six cells would have its two faces smeared into each other, and its volume
+    be wrong by up to ten percent; 2 V / A is the thickness of a sheet.
+    """
+    low, high = solid_bounds(control) if bounds is None else bounds
+    volume, area = volume_and_area(control, cells, np.array([low, high]))
+    wanted = int(np.ceil(3 * area / max(volume, 1e-300) * float((high - low).max())))
+    if wanted <= cells:
+        return volume, area
+    return volume_and_area(control, min(wanted, finest), np.array([low, high]))
+
+
 def mesh_area(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> float:
     """Return the surface area of f >= 1 by triangles alone.
 

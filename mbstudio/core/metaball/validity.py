@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.neck import smallest_neck
-from mbstudio.core.metaball.surface import volume_and_area
+from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
 
 if TYPE_CHECKING:
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 MOST_VOLUME_ERROR = 0.05
 MOST_RMS = 0.08  # of the RMS radius
+FEWEST_VOXELS = 20
+"""A control point that has failed: with fewer, more control points would only follow the voxels' steps."""
+FEWEST_VOXELS_OF_ADVICE = 6
+"""A control point of the number that the shape needs: sheets one voxel thick have fewer."""
 
 
 def points_outside(avatar: Avatar, grain: Grain) -> int:
@@ -34,6 +39,30 @@ def points_outside(avatar: Avatar, grain: Grain) -> int:
     return int(avatar.n - np.count_nonzero(inside))
 
 
+def _cure(n: int, grain: Grain | None, needed: Callable[[], int] | None) -> str:
+    """Return what to do about an avatar of `n` control points that is not valid."""
+    # More than the estimate where that many have failed already; in tens, for it is no exact number.
+    wanted = max(2 * n, -(-needed() // 10) * 10 if needed is not None else 0)
+    if grain is not None and grain.voxel_count < max(FEWEST_VOXELS * n, FEWEST_VOXELS_OF_ADVICE * wanted):
+        return f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
+    return f"n too small for this shape: try {wanted}"
+
+
+def _warnings(kept: int, filled: int, voids: int) -> tuple[str, ...]:
+    told = []
+    if filled:
+        told.append(
+            f"Cavities of {filled} voxels inside the grain were filled: the avatar is solid there. "
+            "Fit with cavities='keep' (--cavities keep) to keep them."
+        )
+    if kept:
+        told.append(
+            f"The grain's cavities ({kept}) were kept as asked, and the avatar has {voids}: "
+            "its volume and mass are without them."
+        )
+    return tuple(told)
+
+
 def check(
     avatar: Avatar,
     grain: Grain | None = None,
@@ -44,6 +73,9 @@ def check(
     outside: int | None = None,
     asked: int | None = None,
     grain_genus: int | None = None,
+    needed: Callable[[], int] | None = None,
+    kept: int = 0,
+    filled: int = 0,
 ) -> Verdict:
     """Judge an avatar: pieces, voids, handles, necks, control points outside, volume error.
 
@@ -66,6 +98,12 @@ def check(
         Control points that were asked for, where the avatar may hold fewer.
     grain_genus : int, optional
         Handles of the grain where the caller has counted them; not compared otherwise.
+    needed : callable, optional
+        Estimates how many control points the grain's shape needs; called only for advice.
+    kept : int
+        Cavities of the grain that were kept on purpose: so many voids are no fault.
+    filled : int
+        Voxels of cavities that were filled, of which the verdict then warns.
     """
     from mbstudio.core.imaging.steps import Verdict
     from mbstudio.core.units import conversion_factor
@@ -73,16 +111,19 @@ def check(
     found = found or topology(avatar.control, cells)
     volume_error, counted = float("nan"), 0
     if grain is not None:
-        volume, _ = volume_and_area(avatar.control, max(cells - 16, 40))
-        volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / grain.volume - 1.0
+        volume, _ = volume_and_area_of_thin(avatar.control, max(cells - 16, 40))
+        whole = grain.volume + (filled - grain.filled_voxels if filled else 0) * grain.voxel_size.volume
+        volume_error = volume * conversion_factor(avatar.unit, grain.unit) ** 3 / whole - 1.0
         counted = points_outside(avatar, grain) if outside is None else outside
-    cure = f"n too small for this shape: try {2 * max(avatar.n, asked or 0)}"
-    if grain is not None and grain.voxel_count < 20 * avatar.n:
-        cure = f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
+    too_rough = grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(
+        grain.unit, avatar.unit
+    )
     reasons = []
+    if found.pieces > 1 or found.voids > kept or abs(volume_error) > MOST_VOLUME_ERROR or too_rough:
+        cure = _cure(max(avatar.n, asked or 0), grain, needed)
     if found.pieces > 1:
         reasons.append(f"The avatar falls into {found.pieces} pieces: {cure}.")
-    if found.voids:
+    if found.voids > kept:
         cavities = "a cavity" if found.voids == 1 else f"{found.voids} cavities"
         reasons.append(f"The avatar has {cavities} inside: {cure}.")
     if counted:
@@ -90,18 +131,17 @@ def check(
         reasons.append(f"{points} outside the grain: fit it anew with method 'fast'.")
     if abs(volume_error) > MOST_VOLUME_ERROR:
         reasons.append(f"The volume differs by {100 * volume_error:+.1f} %: {cure}.")
-    if grain is not None and rms > MOST_RMS * 0.5 * grain.nominal_diameter * conversion_factor(
-        grain.unit, avatar.unit
-    ):
+    if too_rough:
         reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}.")
-    remarks = []
+    warnings = _warnings(kept, filled, found.voids)
     if grain_genus is not None and found.genus != grain_genus:
-        remarks.append(f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}.")
+        told = f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}."
+        warnings = (*warnings, f"{told} More control points can mend it.")
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),
         smallest_neck=smallest_neck(avatar.control) if found.pieces == 1 else 0.0,
-        grain_genus=grain_genus, remarks=tuple(remarks),
+        grain_genus=grain_genus, warnings=warnings,
     )  # fmt: skip
 
 

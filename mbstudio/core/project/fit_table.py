@@ -38,14 +38,14 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("volume_error", "f8", lambda fit: fit.verdict.volume_error),
     ("rms", "f8", lambda fit: fit.verdict.rms),
     ("reasons", _TEXT, lambda fit: "\n".join(fit.verdict.reasons)),
+    ("warnings", _TEXT, lambda fit: "\n".join(fit.verdict.warnings)),
     ("smallest_neck", "f8", lambda fit: _or_nan(fit.verdict.smallest_neck)),
     ("grain_genus", "i8", lambda fit: _or_unknown(fit.verdict.grain_genus)),
-    ("remarks", _TEXT, lambda fit: "\n".join(fit.verdict.remarks)),
     ("options", _TEXT, lambda fit: json.dumps(dict(fit.options), default=asdict)),
 )
 # Columns that files written before them do not hold, and what stands for the missing values.
 _LATER: dict[str, Any] = {
-    "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "remarks": "", "options": "{}",
+    "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "warnings": "", "options": "{}",
 }  # fmt: skip
 
 
@@ -91,9 +91,9 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             volume_error=cells["volume_error"],
             rms=cells["rms"],
             reasons=tuple(cells["reasons"].split("\n")) if cells["reasons"] else (),
+            warnings=tuple(cells["warnings"].split("\n")) if cells["warnings"] else (),
             smallest_neck=None if np.isnan(cells["smallest_neck"]) else cells["smallest_neck"],
             grain_genus=None if cells["grain_genus"] == UNKNOWN_GENUS else cells["grain_genus"],
-            remarks=tuple(cells["remarks"].split("\n")) if cells["remarks"] else (),
         )
         fits[int(label)] = FitResult(
             avatar=avatar,

@@ -198,7 +198,7 @@ class FitPanel(Panel):
         )
         if verdict.smallest_neck is not None:
             text += f" · smallest neck {verdict.smallest_neck:.3g} {unit}"
-        self._reasons.setText("\n".join((*verdict.reasons, *verdict.remarks, text)))
+        self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))
         self._reasons.show()
 
     def show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:

@@ -118,7 +118,8 @@ class GrainTableModel(QAbstractTableModel):
             return self._alignment(column)
         if role == Qt.ItemDataRole.ToolTipRole and column == 6:
             fit = self._fits.get(self.label(row))
-            return "\n".join((*fit.verdict.reasons, *fit.verdict.remarks)) or None if fit else None
+            told = (*fit.verdict.reasons, *fit.verdict.warnings) if fit else ()
+            return "\n".join(told) or None
         return None
 
     @staticmethod

@@ -209,13 +209,16 @@ class FitWork(Work):
         self.workspace.add_fits({fitting.label: result}, f"Fit grain {fitting.label}")
         verdict = result.verdict
         if verdict.valid:
-            self.said.emit(
-                "success",
-                f"Grain {fitting.label}: valid avatar of {result.avatar.n} control points, volume "
-                f"{100 * verdict.volume_error:+.2f} %.",
+            told = (
+                f"valid avatar of {result.avatar.n} control points, volume "
+                f"{100 * verdict.volume_error:+.2f} %."
             )
         else:
-            self.said.emit("warning", f"Grain {fitting.label}: " + " ".join(verdict.reasons))
+            told = " ".join(verdict.reasons)
+        self.said.emit(
+            "success" if verdict.valid and not verdict.warnings else "warning",
+            " ".join((f"Grain {fitting.label}: {told}", *verdict.warnings)),
+        )
 
     # ---- many grains ---------------------------------------------------------------------------
 
@@ -265,9 +268,12 @@ class FitWork(Work):
         text = f"{len(fits)} grains fitted, {len(fits) - len(bad)} of the avatars valid."
         if bad:
             text += f" Not valid: grain {_listed(bad)}. More control points usually cure it."
+        warned = [label for label, fit in fits.items() if fit.verdict.warnings]
+        if warned:
+            text += f" With cavities: grain {_listed(warned)}: {' '.join(fits[warned[0]].verdict.warnings)}"
         if failed:
             text += f" {len(failed)} could not be fitted: grain {failed[0].label}: {failed[0].error}"
-        self.said.emit("warning" if bad or failed else "success", text)
+        self.said.emit("warning" if bad or failed or warned else "success", text)
 
     def _forget(self) -> None:
         if self._task is not None and not self._task.is_over:

@@ -29,6 +29,7 @@ def make_fit(label: int, n: int, rng: np.random.Generator) -> FitResult:
         rms=1.25,
         reasons=("2 pieces: fit with more control points", "a void"),
         smallest_neck=None if label % 2 else 0.375,
+        warnings=("a cavity was filled",),
     )
     return FitResult(
         avatar=avatar,
