@@ -51,6 +51,8 @@ class RefineSettings:
         Bound of twice the mean curvature in the area row.
     points_per_control, fewest_points : int
         Surface points in use at a time: max(fewest_points, points_per_control * n).
+    denser : float
+        Times as many surface points at the end, while the area row is at work.
     renew_every : int
         Steps after which the next subset of points is taken and the volume measured anew.
     check_every : int
@@ -75,6 +77,7 @@ class RefineSettings:
     curvature_roof: float = 30.0
     points_per_control: int = 25
     fewest_points: int = 1500
+    denser: float = 1.5
     renew_every: int = 5
     check_every: int = 10
     least_gain: float = 0.01
@@ -177,6 +180,8 @@ class Refinement:
         """Take the next subset of hull points and measure the volume."""
         n = self.control.shape[1]
         wanted = max(self.settings.fewest_points, self.settings.points_per_control * n)
+        if self._wanted_area is not None:
+            wanted = round(self.settings.denser * wanted)
         stride = max(1, self.hull.shape[1] // wanted)
         self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
         self._surface = np.ascontiguousarray(self.hull[:, self._offset :: stride])
