@@ -2,6 +2,6 @@
 
 from mbstudio.core.metrics.mass import MassProperties, mass_properties
 from mbstudio.core.metrics.measuring import measure
-from mbstudio.core.metrics.shape_factors import ShapeFactors
+from mbstudio.core.metrics.shape_factors import CORE_FACTORS, ShapeFactors
 
-__all__ = ["MassProperties", "ShapeFactors", "mass_properties", "measure"]
+__all__ = ["CORE_FACTORS", "MassProperties", "ShapeFactors", "mass_properties", "measure"]

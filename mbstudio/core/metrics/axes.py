@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.errors import MeasureError
+from mbstudio.core.metrics.sphere_directions import turns
 
 _STARTS = 1500
 _KEPT = 32
@@ -70,7 +71,7 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
     volumes = _extents(few, frames).prod(axis=1)
     best = np.argsort(volumes, kind="stable")[:_KEPT]
     frames, volumes = frames[best], volumes[best]
-    turns = _turns()
+    offsets = turns(_TRIALS)
     angle = np.radians(12.0)
     touching = few
     for stage in range(_STAGES):
@@ -81,7 +82,7 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
             touching = _within_reach(finest if dense else corners, frames, reach)
             volumes = _extents(touching, frames).prod(axis=1)
         touching = _within_reach(touching, frames, angle / (1.0 - _SHRINK))
-        step = Rotation.from_rotvec(turns * angle).as_matrix()
+        step = Rotation.from_rotvec(offsets * angle).as_matrix()
         trials = np.einsum("tij,kjl->ktil", step, frames)
         trial_volumes = _extents(touching, trials.reshape(-1, 3, 3)).prod(axis=1).reshape(len(frames), -1)
         winner = trial_volumes.argmin(axis=1)
@@ -148,12 +149,20 @@ def _starting_frames() -> Float[np.ndarray, "k 3 3"]:
     return Rotation.from_quat(quaternions).as_matrix()
 
 
-@cache
-def _turns() -> Float[np.ndarray, "k 3"]:
-    """Rotation vectors spread over the unit ball (an R3 low-discrepancy sequence), each with its opposite."""
-    golden = 1.2207440846057596
-    u = (0.5 + np.outer(np.arange(1, _TRIALS // 2 + 1), golden ** -np.arange(1.0, 4.0))) % 1.0
-    z, azimuth, radius = 2 * u[:, 0] - 1, 2 * np.pi * u[:, 1], np.cbrt(0.05 + 0.95 * u[:, 2])
-    ring = np.sqrt(1 - z**2)
-    half = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1) * radius[:, None]
-    return np.concatenate([half, -half])
+def inertia_lengths(second: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
+    """Return the axes of the homogeneous ellipsoid with these second moments, ascending.
+
+    Parameters
+    ----------
+    second : float array, shape (3, 3)
+        Second moments about the centre, over the volume: a**2 / 5 along a semi-axis a.
+
+    Raises
+    ------
+    MeasureError
+        If a moment is not positive.
+    """
+    moments = np.linalg.eigvalsh(second)
+    if not moments[0] > 0:
+        raise MeasureError("The body is flat: it has no ellipsoid of the same inertia.")
+    return 2.0 * np.sqrt(5.0 * moments)

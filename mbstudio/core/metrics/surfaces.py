@@ -141,8 +141,8 @@ def checked_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     Raises
     ------
     MeshError
-        If it is empty, not closed, not consistently oriented, in several pieces, or has vertices that are
-        not finite.
+        If it is empty, not closed, not consistently oriented, in several pieces, or has duplicate faces or
+        vertices that are not finite.
     """
     name = mesh.metadata.get("file_name") or "The mesh"
     if not len(mesh.faces):
@@ -150,6 +150,12 @@ def checked_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     if not np.isfinite(mesh.vertices).all():
         raise MeshError(f"{name} has vertices that are not finite numbers.")
     if not mesh.is_watertight:
+        copies = len(mesh.faces) - len(np.unique(np.sort(mesh.faces, axis=1), axis=0))
+        if copies and np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1].min() > 1:
+            raise MeshError(
+                f"{name} is not closed: {copies} of its faces are there twice. Remove them, in MeshLab with "
+                "Filters > Cleaning > Remove Duplicate Faces."
+            )
         raise MeshError(f"{name} is not closed: it has no volume. Close its holes in a mesh editor first.")
     if not mesh.is_winding_consistent:
         raise MeshError(
