@@ -120,7 +120,7 @@ def inscribed_sphere(
     """
     starts = _deepest(inside) * edge + origin
     triangles = np.ascontiguousarray(vertices[faces], dtype=np.float64)
-    offsets = turns(32)
+    offsets = turns(20)
     best = Sphere(starts[0], -1.0)
     for start in starts:
         centre = start.copy()
