@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import ellipeinc, ellipkinc
+from scipy.special import ellipe, ellipeinc, ellipkinc
 
 KINDS = ("sphere", "ellipsoid", "cube", "tetrahedron", "torus", "dumb-bell")
 
@@ -29,6 +29,10 @@ class Solid:
         In closed form.
     moments : float array, shape (3,)
         Principal moments of inertia over the mass, ascending.
+    shadow : tuple of float
+        Area and perimeter (holes included) of its largest projection.
+    lengths : float array, shape (3,)
+        Edges of its smallest bounding box, ascending.
     reach : float
         Radius of a ball about the origin that holds the solid.
     contains : callable
@@ -39,6 +43,8 @@ class Solid:
     volume: float
     area: float
     moments: np.ndarray
+    shadow: tuple[float, float]
+    lengths: np.ndarray
     reach: float
     contains: Callable[[np.ndarray], np.ndarray]
 
@@ -46,6 +52,21 @@ class Solid:
     def sphericity(self) -> float:
         """Wadell's sphericity."""
         return float((36 * np.pi * self.volume**2) ** (1 / 3) / self.area)
+
+    @property
+    def ds(self) -> float:
+        """Diameter of the circle with the area of the largest projection."""
+        return float(np.sqrt(4 * self.shadow[0] / np.pi))
+
+    @property
+    def circularity(self) -> float:
+        """Of the largest projection."""
+        return float(np.pi * self.ds / self.shadow[1])
+
+    @property
+    def csf(self) -> float:
+        """Corey shape factor of the bounding box."""
+        return float(self.lengths[0] / np.sqrt(self.lengths[1] * self.lengths[2]))
 
     def voxels(
         self, rng: np.random.Generator, edges: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -93,37 +114,46 @@ def ellipsoid_area(axes: np.ndarray) -> float:
 def ellipsoid(axes: np.ndarray, kind: str = "ellipsoid") -> Solid:
     """Return an ellipsoid of these semi-axes."""
     squares = axes**2 / 5
+    _, b, a = np.sort(axes)
+    ellipse = (float(np.pi * a * b), float(4 * a * ellipe(1 - (b / a) ** 2)))
     return Solid(
         kind, float(4 / 3 * np.pi * axes.prod()), ellipsoid_area(axes), np.sort(squares.sum() - squares),
-        float(axes.max()), lambda points: ((points / axes) ** 2).sum(axis=-1) <= 1,
+        ellipse, 2 * np.sort(axes), float(axes.max()),
+        lambda points: ((points / axes) ** 2).sum(axis=-1) <= 1,
     )  # fmt: skip
 
 
 def cube(edge: float) -> Solid:
-    """Return a cube."""
+    """Return a cube; its largest projection is a regular hexagon."""
     return Solid(
-        "cube", edge**3, 6 * edge**2, np.full(3, edge**2 / 6), edge * np.sqrt(3) / 2,
+        "cube", edge**3, 6 * edge**2, np.full(3, edge**2 / 6),
+        (np.sqrt(3) * edge**2, 6 * edge * np.sqrt(2 / 3)), np.full(3, edge), edge * np.sqrt(3) / 2,
         lambda points: np.abs(points).max(axis=-1) <= edge / 2,
     )  # fmt: skip
 
 
 def tetrahedron(edge: float) -> Solid:
-    """Return a regular tetrahedron; its moment over the mass is edge**2 / 20."""
+    """Return a regular tetrahedron; its moment over the mass is edge**2 / 20.
+
+    Its largest projection is the square across two edges, its smallest box the cube of the face diagonals.
+    """
     inwards = -_TETRAHEDRON / np.linalg.norm(_TETRAHEDRON[0])
     inradius = edge / np.sqrt(24)
     return Solid(
         "tetrahedron", edge**3 / (6 * np.sqrt(2)), np.sqrt(3) * edge**2, np.full(3, edge**2 / 20),
-        edge * np.sqrt(3 / 8), lambda points: (points @ inwards.T).max(axis=-1) <= inradius,
+        (edge**2 / 2, edge * np.sqrt(8)), np.full(3, edge / np.sqrt(2)), edge * np.sqrt(3 / 8),
+        lambda points: (points @ inwards.T).max(axis=-1) <= inradius,
     )  # fmt: skip
 
 
 def torus(major: float, minor: float) -> Solid:
-    """Return a ring torus about z."""
+    """Return a ring torus about z; its largest projection is the annulus, if the hole is not too small."""
     across = major**2 / 2 + 5 * minor**2 / 8
     along = major**2 + 3 * minor**2 / 4
     return Solid(
         "torus", 2 * np.pi**2 * major * minor**2, 4 * np.pi**2 * major * minor,
-        np.array([across, across, along]), major + minor,
+        np.array([across, across, along]), (4 * np.pi * major * minor, 4 * np.pi * major),
+        2 * np.array([minor, major + minor, major + minor]), major + minor,
         lambda points: (
             (np.hypot(points[..., 0], points[..., 1]) - major) ** 2 + points[..., 2] ** 2 <= minor**2
         ),
@@ -147,9 +177,14 @@ def dumb_bell(ball: float, offset: float, neck: float) -> Solid:
         volume += 2 * np.pi * float(w @ r2)
         along += np.pi * float(w @ r2**2)
         across += 2 * np.pi * float(w @ (r2**2 / 4 + r2 * z**2))
+    # Side on: two discs less the segments where the neck's rectangle meets them.
+    half_angle = np.arccos((offset - meet) / ball)
+    segment = ball**2 * half_angle - (offset - meet) * neck
+    shadow = (2 * (np.pi * ball**2 - segment) + 4 * neck * meet, 4 * ball * (np.pi - half_angle) + 4 * meet)
     area = 2 * (4 * np.pi * ball**2 - 2 * np.pi * ball * cap) + 4 * np.pi * neck * meet
     return Solid(
-        "dumb-bell", volume, float(area), np.array([along, across, across]) / volume, offset + ball,
+        "dumb-bell", volume, float(area), np.array([along, across, across]) / volume,
+        (float(shadow[0]), float(shadow[1])), 2 * np.array([ball, ball, offset + ball]), offset + ball,
         lambda points: (
             ((points[..., :2] ** 2).sum(axis=-1) + (np.abs(points[..., 2]) - offset) ** 2 <= ball**2)
             | (((points[..., :2] ** 2).sum(axis=-1) <= neck**2) & (np.abs(points[..., 2]) <= offset))

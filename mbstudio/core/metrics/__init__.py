@@ -5,8 +5,9 @@ from mbstudio.core.metrics.detailed_factors import DETAILED_FACTORS, DetailedFac
 from mbstudio.core.metrics.mass import MassProperties, mass_properties
 from mbstudio.core.metrics.measuring import measure
 from mbstudio.core.metrics.shape_factors import CORE_FACTORS, ShapeFactors
+from mbstudio.core.metrics.uncertainty import FactorIntervals, factor_intervals
 
 __all__ = [
-    "CORE_FACTORS", "DETAILED_FACTORS", "DetailedFactors", "MassProperties", "ShapeFactors",
-    "mass_properties", "measure", "measure_detail",
+    "CORE_FACTORS", "DETAILED_FACTORS", "DetailedFactors", "FactorIntervals", "MassProperties",
+    "ShapeFactors", "factor_intervals", "mass_properties", "measure", "measure_detail",
 ]  # fmt: skip

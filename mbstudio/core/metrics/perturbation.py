@@ -80,12 +80,14 @@ def field_of_grey(
     """
     mask, margin = _with_margin(grain, grey)
     values = np.asarray(grey, dtype=np.float64)
+    if not np.isfinite(values).all():
+        raise MeasureError(f"The grey values around '{grain.name}' are not all finite numbers.")
     deep = ndimage.binary_erosion(mask)
     inside = float(np.median(values[deep if deep.any() else mask]))
     shell = ndimage.binary_dilation(mask, iterations=2) & ~ndimage.binary_dilation(mask)
     outside = float(np.median(values[shell]))
     contrast = inside - outside
-    if not np.isfinite(values).all() or contrast == 0 or not 0 < (threshold - outside) / contrast < 1:
+    if contrast == 0 or not 0 < (threshold - outside) / contrast < 1:
         raise MeasureError(
             f"The threshold {threshold:g} does not lie between the grey value of '{grain.name}' "
             f"({inside:g}) and that around it ({outside:g}): give the one that its mask was made with."

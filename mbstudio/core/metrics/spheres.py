@@ -11,11 +11,11 @@ from numba import njit
 from scipy import ndimage
 
 from mbstudio.core.errors import MeasureError
-from mbstudio.core.metrics.sphere_directions import turns
 
 _STARTS = 6
-_STAGES = 60
-_SHRINK = 0.6
+_ROUNDS = 40
+_EXACT = 1e-5
+_CONSTRAINTS = 1500
 _OUTSIDE = 1e-10
 _MOST_ROUNDS = 1000
 
@@ -115,37 +115,60 @@ def inscribed_sphere(
 
     Notes
     -----
-    From the deepest few peaks of the distance field, the distance to the triangles themselves is climbed
-    by ever smaller steps; it has kinks, so no derivatives are used.
+    From the deepest few peaks of the distance field: the distances to the nearest triangles are
+    linear for small moves of the centre, so the best move within a trust region is a linear programme, whose
+    solution stands as far as the distance to the triangles themselves grows.
     """
-    starts = _deepest(inside) * edge + origin
     triangles = np.ascontiguousarray(vertices[faces], dtype=np.float64)
-    offsets = turns(20)
-    best = Sphere(starts[0], -1.0)
-    for start in starts:
-        centre = start.copy()
-        radius = float(_distances(triangles, centre[None])[0])
-        if radius + 2.0 * edge < best.radius:
+    middles = triangles.mean(axis=1)
+    sizes = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
+    best: Sphere | None = None
+    for start in _deepest(inside) * edge + origin:
+        reach = float(_closest(triangles, start)[0].min())
+        if best is not None and reach + 2.0 * edge < best.radius:
             continue
-        step = 1.5 * edge
-        # Only triangles that a sphere could touch after the whole search matter.
-        near = _near(triangles, centre, radius + 4.0 * step / (1 - _SHRINK))
-        for _ in range(_STAGES):
-            trials = centre + step * offsets
-            found = _distances(near, trials)
-            winner = int(found.argmax())
-            if found[winner] > radius:
-                centre, radius = trials[winner], float(found[winner])
-            else:
-                step *= _SHRINK
-            if step < 2e-5 * radius:
-                break
-            if np.linalg.norm(centre - start) > step / (1 - _SHRINK):
-                start = centre.copy()
-                near = _near(triangles, centre, radius + 4.0 * step / (1 - _SHRINK))
-        if radius > best.radius:
-            best = Sphere(centre, radius)
+        # Triangles that a sphere could touch after a move of two cells.
+        near = np.linalg.norm(middles - start, axis=1) - sizes <= reach + 4.0 * edge
+        sphere = _climb(triangles[near], start, 2.0 * edge)
+        if best is None or sphere.radius > best.radius:
+            best = sphere
+    assert best is not None
     return best
+
+
+def _climb(triangles: Float[np.ndarray, "f 3 3"], centre: Float[np.ndarray, " 3"], limit: float) -> Sphere:
+    """Move the centre, by at most about `limit` in all, to where the nearest triangle is farthest."""
+    distances, closest = _closest(triangles, centre)
+    radius, trust, start = float(distances.min()), 0.5 * limit, centre
+    for _ in range(_ROUNDS):
+        taking_part = distances <= radius + 2.0 * trust
+        away = (centre - closest[taking_part]) / np.maximum(distances[taking_part], 1e-300)[:, None]
+        moved = centre + _best_move(away, distances[taking_part], trust)
+        trial_distances, trial_closest = _closest(triangles, moved)
+        gain = float(trial_distances.min()) - radius
+        if gain > 0 and np.linalg.norm(moved - start) <= limit:
+            centre, distances, closest = moved, trial_distances, trial_closest
+            radius += gain
+        else:
+            trust *= 0.3
+        if trust < _EXACT * radius or (0 < gain < 0.01 * _EXACT * radius):
+            break
+    return Sphere(centre, radius)
+
+
+def _best_move(
+    away: Float[np.ndarray, "t 3"], distances: Float[np.ndarray, " t"], trust: float
+) -> Float[np.ndarray, " 3"]:
+    """Return the move within a cube that makes the least of the linearised distances greatest."""
+    from scipy.optimize import linprog
+
+    # The closest ones decide; the rest of a smooth body's triangles only take time.
+    order = np.argsort(distances, kind="stable")[:_CONSTRAINTS]
+    rows = np.column_stack([-away[order], np.ones(len(order))])
+    found = linprog(
+        [0, 0, 0, -1], A_ub=rows, b_ub=distances[order], bounds=[(-trust, trust)] * 3 + [(None, None)]
+    )
+    return found.x[:3] if found.status == 0 else np.zeros(3)
 
 
 def _deepest(inside: Bool[np.ndarray, "Z Y X"]) -> Float[np.ndarray, "s 3"]:
@@ -164,54 +187,47 @@ def _deepest(inside: Bool[np.ndarray, "Z Y X"]) -> Float[np.ndarray, "s 3"]:
     return np.array(kept, dtype=float)[:, ::-1]
 
 
-def _near(triangles: Float[np.ndarray, "f 3 3"], centre: np.ndarray, reach: float) -> np.ndarray:
-    """Keep the triangles that come within reach of a point, judged by their bounding spheres."""
-    middle = triangles.mean(axis=1)
-    size = np.linalg.norm(triangles - middle[:, None], axis=2).max(axis=1)
-    near = triangles[np.linalg.norm(middle - centre, axis=1) - size <= reach]
-    return near if len(near) else triangles
-
-
 @njit(cache=True, nogil=True)
-def _distances(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:  # pragma: no cover - compiled
-    """Return the distance of each point to the nearest triangle (Ericson 2004, section 5.1.5)."""
-    out = np.empty(len(points))
-    for p in range(len(points)):
-        best = np.inf
-        px, py, pz = points[p]
-        for f in range(len(triangles)):
-            ax, ay, az = triangles[f, 0]
-            abx, aby, abz = triangles[f, 1, 0] - ax, triangles[f, 1, 1] - ay, triangles[f, 1, 2] - az
-            acx, acy, acz = triangles[f, 2, 0] - ax, triangles[f, 2, 1] - ay, triangles[f, 2, 2] - az
-            apx, apy, apz = px - ax, py - ay, pz - az
-            d1 = abx * apx + aby * apy + abz * apz
-            d2 = acx * apx + acy * apy + acz * apz
-            bb = abx * abx + aby * aby + abz * abz
-            bc = abx * acx + aby * acy + abz * acz
-            cc = acx * acx + acy * acy + acz * acz
-            d3, d4 = d1 - bb, d2 - bc
-            d5, d6 = d1 - bc, d2 - cc
-            vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
-            if d1 <= 0 and d2 <= 0:
+def _closest(
+    triangles: np.ndarray, point: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # pragma: no cover - compiled
+    """Return the distance of a point to each triangle, and the closest points (Ericson 2004, 5.1.5)."""
+    distances = np.empty(len(triangles))
+    closest = np.empty((len(triangles), 3))
+    px, py, pz = point
+    for f in range(len(triangles)):
+        ax, ay, az = triangles[f, 0]
+        abx, aby, abz = triangles[f, 1, 0] - ax, triangles[f, 1, 1] - ay, triangles[f, 1, 2] - az
+        acx, acy, acz = triangles[f, 2, 0] - ax, triangles[f, 2, 1] - ay, triangles[f, 2, 2] - az
+        apx, apy, apz = px - ax, py - ay, pz - az
+        d1 = abx * apx + aby * apy + abz * apz
+        d2 = acx * apx + acy * apy + acz * apz
+        bb = abx * abx + aby * aby + abz * abz
+        bc = abx * acx + aby * acy + abz * acz
+        cc = acx * acx + acy * acy + acz * acz
+        d3, d4 = d1 - bb, d2 - bc
+        d5, d6 = d1 - bc, d2 - cc
+        vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+        if d1 <= 0 and d2 <= 0:
+            v, w = 0.0, 0.0
+        elif d3 >= 0 and d4 <= d3:
+            v, w = 1.0, 0.0
+        elif vc <= 0 and d1 >= 0 and d3 <= 0:
+            v, w = d1 / (d1 - d3), 0.0
+        elif d6 >= 0 and d5 <= d6:
+            v, w = 0.0, 1.0
+        elif vb <= 0 and d2 >= 0 and d6 <= 0:
+            v, w = 0.0, d2 / (d2 - d6)
+        elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
+            w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+            v = 1.0 - w
+        else:
+            total = va + vb + vc
+            if total <= 0:
                 v, w = 0.0, 0.0
-            elif d3 >= 0 and d4 <= d3:
-                v, w = 1.0, 0.0
-            elif vc <= 0 and d1 >= 0 and d3 <= 0:
-                v, w = d1 / (d1 - d3), 0.0
-            elif d6 >= 0 and d5 <= d6:
-                v, w = 0.0, 1.0
-            elif vb <= 0 and d2 >= 0 and d6 <= 0:
-                v, w = 0.0, d2 / (d2 - d6)
-            elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
-                w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-                v = 1.0 - w
             else:
-                total = va + vb + vc
-                if total <= 0:
-                    v, w = 0.0, 0.0
-                else:
-                    v, w = vb / total, vc / total
-            x, y, z = apx - v * abx - w * acx, apy - v * aby - w * acy, apz - v * abz - w * acz
-            best = min(best, x * x + y * y + z * z)
-        out[p] = np.sqrt(best)
-    return out
+                v, w = vb / total, vc / total
+        x, y, z = apx - v * abx - w * acx, apy - v * aby - w * acy, apz - v * abz - w * acz
+        distances[f] = np.sqrt(x * x + y * y + z * z)
+        closest[f, 0], closest[f, 1], closest[f, 2] = px - x, py - y, pz - z
+    return distances, closest
