@@ -58,8 +58,8 @@ _AXES = {
 }  # fmt: skip
 _INERTIA = 0.05
 _DETAIL = {
-    "convexity": 0.1, "inscribed": 0.3, "enclosing": 0.5, "sheppard": 0.3, "feret_min": 0.7,
-    "feret_mid": 1.0, "feret_max": 0.5, "roundness": 0.5, "roughness": 0.02,
+    "convexity": 0.75, "inscribed": 1.0, "enclosing": 0.7, "sheppard": 0.8, "feret_min": 1.0,
+    "feret_mid": 2.0, "feret_max": 0.6, "roundness": 0.1, "roughness": 0.1,
 }  # fmt: skip
 
 
@@ -120,8 +120,9 @@ def factor_intervals(
     blurred by half a voxel. The interval spans the value, the thresholds' values, the value with the blur's
     effect undone, and, for what is measured on the smoothed surface, the value with twice the
     loss undone that smoothing and sampling it again brought; it is wider on both sides by two standard
-    deviations of the shifted copies, joined with a share of a voxel. The latter was set on real aggregates so that
-    95 % of their factors were held; docs/shape-factors.md shows how often those of other grains are.
+    deviations of the shifted copies, joined with a share of a voxel. The latter was set on real
+    aggregates so that 95 % of their factors were held; docs/shape-factors.md shows how often those of others
+    are.
 
     Raises
     ------
@@ -131,13 +132,12 @@ def factor_intervals(
     """
     if (grey is None) != (threshold is None):
         raise MeasureError("Grey values and their threshold belong together: give both or none.")
-    field = (
-        field_of_mask(grain, step)
-        if grey is None
-        else field_of_grey(grain, grey, float(threshold or 0.0), step)
-    )
     found = measure(grain, unit=unit, axes=axes, surface=surface)
     extra = measure_detail(grain, unit=unit) if detail else None
+    if grey is None or threshold is None:
+        field = field_of_mask(grain, step)
+    else:
+        field = field_of_grey(grain, grey, float(threshold), step)
 
     def numbers(copy: Grain) -> dict[str, float]:
         values = _named(measure(copy, unit=unit, axes=axes, surface=surface), CORE_FACTORS)
