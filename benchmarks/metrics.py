@@ -2,7 +2,7 @@
 
 Prints markdown tables. Voxel grains: six solids with known answers in random rotation and sub-voxel shift
 (benchmarks/known_solids.py). Other packages are measured in the same run where they are installed
-(``pip install spam porespy``).
+(``pip install -e .[benchmark]``).
 
 Run: ``OMP_NUM_THREADS=1 python benchmarks/metrics.py [--quick] [section ...]``.
 """
@@ -31,7 +31,7 @@ from mbstudio.core.metrics.surfaces import avatar_surface
 
 RADII = (5, 8, 10, 15, 20, 30, 60)
 ERRORS = ("V", "A", "A smoothed", "A 13 lines", "sphericity", "D_s", "circularity", "CSF", "inertia")
-AGGREGATES = Path(__file__).resolve().parents[2] / "shared" / "data" / "aggregates"
+REAL_GRAINS = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def errors_of(body: Solid, mask: np.ndarray) -> tuple[list[float], float]:
@@ -210,27 +210,32 @@ def print_packages(quick: bool) -> None:
 
 
 def print_intervals(quick: bool) -> None:
-    """Print how often the factors of real aggregates lie in the intervals of their voxels.
+    """Print how often the factors of real grains lie in the intervals of their voxels.
 
-    Every second file: the others set the widths.
+    Of the aggregates every second file, as the others set the widths; of the cement particles, which had no
+    part in it, every third.
     """
+    for folder, unit, start, stride in (("aggregates", "mm", 1, 2), ("cement", "um", 0, 3)):
+        print(f"\n### Intervals, {folder}: share that hold the mesh's factor / median half width, percent\n")
+        paths = sorted((REAL_GRAINS / folder).glob("*.ply"))[start::stride][: 3 if quick else None]
+        if not paths:
+            print(f"(skipped: {REAL_GRAINS / folder} is not there)")
+            continue
+        _print_coverage(paths, unit)
+
+
+def _print_coverage(paths: list[Path], unit: str) -> None:
     import trimesh
 
-    print(
-        "\n### Intervals of voxelised aggregates: share that hold the mesh's factor / half width, percent\n"
-    )
-    if not AGGREGATES.is_dir():
-        print(f"(skipped: {AGGREGATES} is not there)")
-        return
     resolutions = (30, 60, 120)
     held = {name: {n: [] for n in resolutions} for name in CORE_FACTORS}
     widths = {name: {n: [] for n in resolutions} for name in CORE_FACTORS}
-    for path in sorted(AGGREGATES.glob("*.ply"))[1::2][: 3 if quick else None]:
+    for path in paths:
         mesh = trimesh.load_mesh(path)
-        mesh.units = "mm"
+        mesh.units = unit
         truth = measure(mesh)
         for n in resolutions:
-            found = factor_intervals(Grain.from_mesh(mesh, n, "mm"))
+            found = factor_intervals(Grain.from_mesh(mesh, n, unit))
             for name in CORE_FACTORS:
                 low, high = found.intervals[name]
                 true = getattr(truth, name)
@@ -246,7 +251,7 @@ def print_intervals(quick: bool) -> None:
         together = [hit for n in resolutions for hit in held[name][n]]
         total += together
         print(f"| {name} | {' | '.join(cells)} | {100 * np.mean(together):.0f} |")
-    print(f"\nAll factors together: {100 * np.mean(total):.1f} % of {len(total)}.")
+    print(f"\nAll factors together: {100 * np.mean(total):.1f} % of {len(total)}, from {len(paths)} grains.")
 
 
 SECTIONS = {

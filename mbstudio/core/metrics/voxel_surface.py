@@ -12,9 +12,10 @@ from mbstudio.core.metrics.surfaces import VerticesFaces, outer_pieces, signed_v
 
 _LARGE = 160
 """Voxels along the longest side from which on the mask is averaged in blocks before it is meshed."""
-_WORKING_SIDE = 120
+_WORKING_SIDE = 200
+_SMOOTHING = {1: 0.9}
+"""Standard deviation in blocks, by voxels along a block; shares of larger blocks are smooth already."""
 _SMOOTHING_OF_BLOCKS = 0.6
-"""In blocks; block averages are smooth already."""
 _THIN = 3
 
 
@@ -85,9 +86,9 @@ def _of_blocks(grain: Grain) -> VerticesFaces | None:
     share, edges = block_shares(grain.mask, grain.voxel_size.zyx, _WORKING_SIDE)
     margin = 4
     field = np.pad(share, margin)
-    field = ndimage.gaussian_filter(
-        field, [_SMOOTHING_OF_BLOCKS * min(edges) / edge for edge in edges], truncate=4.0
-    )
+    block = round(edges[0] / grain.voxel_size.z)
+    smoothing = _SMOOTHING.get(block, _SMOOTHING_OF_BLOCKS)
+    field = ndimage.gaussian_filter(field, [smoothing * min(edges) / edge for edge in edges], truncate=4.0)
     spacing = np.array(edges[::-1])
     # The first block's centre lies half a block, less half a voxel, from the first voxel's.
     corner = np.asarray(grain.origin) + (spacing - grain.voxel_size.xyz) / 2
