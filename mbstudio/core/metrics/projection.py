@@ -16,9 +16,12 @@ from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull
 
 from mbstudio.core.metrics.sphere_directions import frame_along, half_sphere
+from mbstudio.core.metrics.surfaces import signed_volumes
 
 _DIRECTIONS = 500
 _EXACT_AT_MOST = 24
+"""Of a convex body; the more its hull tells too much, the more directions are looked at."""
+_EXACT_OF_CONCAVE = 250
 _MANY_FACES = 12000
 _LIGHT_TOLERANCE = 1e-3
 _APART = np.cos(np.radians(9.0))
@@ -138,8 +141,10 @@ def maximum_projection(
     order = np.argsort(-bounds, kind="stable")
     tried: list[tuple[float, np.ndarray]] = []
     best = 0.0
+    filled = float(np.clip(signed_volumes(vertices, faces).sum() / hull.volume, 0.1, 1.0))
+    most = min(_EXACT_OF_CONCAVE, int(_EXACT_AT_MOST / filled**2))
     for index in order:
-        if bounds[index] <= best or len(tried) >= _EXACT_AT_MOST:
+        if bounds[index] <= best or len(tried) >= most:
             break
         direction = directions[index]
         if any(abs(direction @ other) > _APART for _, other in tried):

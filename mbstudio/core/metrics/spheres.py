@@ -124,12 +124,16 @@ def inscribed_sphere(
     sizes = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
     best: Sphere | None = None
     for start in _deepest(inside) * edge + origin:
-        reach = float(_closest(triangles, start)[0].min())
-        if best is not None and reach + 2.0 * edge < best.radius:
+        sphere = Sphere(start, float(_closest(triangles, start)[0].min()))
+        if best is not None and sphere.radius + 2.0 * edge < best.radius:
             continue
-        # Triangles that a sphere could touch after a move of two cells.
-        near = np.linalg.norm(middles - start, axis=1) - sizes <= reach + 4.0 * edge
-        sphere = _climb(triangles[near], start, 2.0 * edge)
+        for _ in range(_ROUNDS):
+            # Triangles that a sphere could touch after a move of two cells; ridges may be followed further.
+            near = np.linalg.norm(middles - sphere.centre, axis=1) - sizes <= sphere.radius + 4.0 * edge
+            climbed = _climb(triangles[near], sphere.centre, 2.0 * edge)
+            gain, sphere = climbed.radius - sphere.radius, climbed
+            if gain <= _EXACT * sphere.radius:
+                break
         if best is None or sphere.radius > best.radius:
             best = sphere
     assert best is not None

@@ -14,7 +14,7 @@ from benchmarks.known_solids import solid
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball import Avatar
-from mbstudio.core.metrics import DETAILED_FACTORS, measure, measure_detail
+from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, measure, measure_detail
 from mbstudio.core.metrics.harmonics import band_energies
 from tests.core.metrics.solids import turned
 
@@ -147,3 +147,17 @@ def test_bounds(seed):
 def test_a_thread_is_refused():
     with pytest.raises(MeasureError, match="thread"):
         measure_detail(turned(trimesh.creation.box((0.001, 0.001, 1.0)), 3))
+
+
+def test_the_documentation_defines_every_factor(repository):
+    text = (repository / "docs" / "shape-factors.md").read_text(encoding="utf-8")
+    for name in (*CORE_FACTORS, *DETAILED_FACTORS, "bands"):
+        assert f"`{name}`" in text, name
+
+
+def test_records_list_every_number_for_tables():
+    cube = trimesh.creation.box()
+    core, detailed = measure(cube).as_dict(), measure_detail(cube).as_dict()
+    assert set(core) == {*CORE_FACTORS, "unit", "axes", "surface", "warning"}
+    bands = {f"band_{degree}" for degree in range(1, 13)}
+    assert set(detailed) == {*DETAILED_FACTORS, *bands, "unit", "surface", "warning"}
