@@ -7,10 +7,12 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float
+from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.errors import MeasureError
+from mbstudio.core.metrics.sphere_directions import turns
 
 _STARTS = 1500
 _KEPT = 32
@@ -70,7 +72,7 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
     volumes = _extents(few, frames).prod(axis=1)
     best = np.argsort(volumes, kind="stable")[:_KEPT]
     frames, volumes = frames[best], volumes[best]
-    turns = _turns()
+    offsets = turns(_TRIALS)
     angle = np.radians(12.0)
     touching = few
     for stage in range(_STAGES):
@@ -81,7 +83,7 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
             touching = _within_reach(finest if dense else corners, frames, reach)
             volumes = _extents(touching, frames).prod(axis=1)
         touching = _within_reach(touching, frames, angle / (1.0 - _SHRINK))
-        step = Rotation.from_rotvec(turns * angle).as_matrix()
+        step = Rotation.from_rotvec(offsets * angle).as_matrix()
         trials = np.einsum("tij,kjl->ktil", step, frames)
         trial_volumes = _extents(touching, trials.reshape(-1, 3, 3)).prod(axis=1).reshape(len(frames), -1)
         winner = trial_volumes.argmin(axis=1)
@@ -102,8 +104,24 @@ def _extents(
     corners: Float[np.ndarray, "m 3"], frames: Float[np.ndarray, "k 3 3"]
 ) -> Float[np.ndarray, "k 3"]:
     """Edge lengths of the boxes whose edges are the rows of each frame."""
-    heights = frames.reshape(-1, 3) @ corners.T
-    return (heights.max(axis=1) - heights.min(axis=1)).reshape(-1, 3)
+    rows = np.ascontiguousarray(frames.reshape(-1, 3), dtype=np.float64)
+    return _widths(rows, np.ascontiguousarray(corners.T, dtype=np.float64)).reshape(-1, 3)
+
+
+@njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
+def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:  # pragma: no cover - compiled
+    """Extent of corners (3, m) along each row; a compiled loop, as the product would be m times as large."""
+    out = np.empty(len(rows))
+    count = corners.shape[1]
+    for k in range(len(rows)):
+        a, b, c = rows[k]
+        high, low = -1e300, 1e300
+        for j in range(count):
+            height = a * corners[0, j] + b * corners[1, j] + c * corners[2, j]
+            high = max(high, height)
+            low = min(low, height)
+        out[k] = high - low
+    return out
 
 
 def _within_reach(
@@ -148,12 +166,20 @@ def _starting_frames() -> Float[np.ndarray, "k 3 3"]:
     return Rotation.from_quat(quaternions).as_matrix()
 
 
-@cache
-def _turns() -> Float[np.ndarray, "k 3"]:
-    """Rotation vectors spread over the unit ball (an R3 low-discrepancy sequence), each with its opposite."""
-    golden = 1.2207440846057596
-    u = (0.5 + np.outer(np.arange(1, _TRIALS // 2 + 1), golden ** -np.arange(1.0, 4.0))) % 1.0
-    z, azimuth, radius = 2 * u[:, 0] - 1, 2 * np.pi * u[:, 1], np.cbrt(0.05 + 0.95 * u[:, 2])
-    ring = np.sqrt(1 - z**2)
-    half = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1) * radius[:, None]
-    return np.concatenate([half, -half])
+def inertia_lengths(second: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
+    """Return the axes of the homogeneous ellipsoid with these second moments, ascending.
+
+    Parameters
+    ----------
+    second : float array, shape (3, 3)
+        Second moments about the centre, over the volume: a**2 / 5 along a semi-axis a.
+
+    Raises
+    ------
+    MeasureError
+        If a moment is not positive.
+    """
+    moments = np.linalg.eigvalsh(second)
+    if not moments[0] > 0:
+        raise MeasureError("The body is flat: it has no ellipsoid of the same inertia.")
+    return 2.0 * np.sqrt(5.0 * moments)

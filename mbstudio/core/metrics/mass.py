@@ -1,4 +1,4 @@
-"""Mass properties of meshes and avatars: signed tetrahedra, exact for a mesh."""
+"""Mass properties of grains, meshes and avatars: voxel sums, or signed tetrahedra, exact for a mesh."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.errors import MeasureError
+from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.surfaces import avatar_surface, checked_mesh
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, parse_unit
@@ -67,16 +68,18 @@ class MassProperties:
 
 
 def mass_properties(
-    body: Avatar | trimesh.Trimesh, density: float, *, unit: str | None = None
+    body: Grain | Avatar | trimesh.Trimesh, density: float, *, unit: str | None = None
 ) -> MassProperties:
     """Return volume, mass, centre of mass, inertia tensor and principal axes of a homogeneous body.
 
     An avatar is measured on two nested meshes whose vertices lie on its surface; their integrals
-    are extrapolated (Richardson, error of order h**4), which is within 1e-4 of a fine quadrature.
+    are extrapolated (Richardson, error of order h**4), which is within 1e-4 of a fine quadrature. The
+    voxels of a grain count as points of equal mass at their centres, which is unbiased for a body that was
+    sampled at these centres (cubes would add h**2/12 to each second moment).
 
     Parameters
     ----------
-    body : Avatar or trimesh.Trimesh
+    body : Grain, Avatar or trimesh.Trimesh
     density : float
         In kg/m**3.
     unit : str, optional
@@ -85,7 +88,7 @@ def mass_properties(
     Raises
     ------
     MeasureError
-        If the density is not a positive finite number.
+        If the density is not a positive finite number, or a grain is empty or a row of voxels.
     MeshError
         If the mesh is not closed.
     """
@@ -99,6 +102,9 @@ def mass_properties(
         coarse = volume_integrals(surface.coarse[0] - origin, surface.coarse[1])
         fine = volume_integrals(surface.fine[0] - origin, surface.fine[1])
         integrals = (4.0 * fine - coarse) / 3.0
+        length_unit = body.unit
+    elif isinstance(body, Grain):
+        integrals, origin = voxel_integrals(body)
         length_unit = body.unit
     else:
         mesh = checked_mesh(body)
@@ -143,6 +149,32 @@ def volume_integrals(vertices: Float[np.ndarray, "v 3"], faces: np.ndarray) -> F
             second[2, 0],
         ]
     )
+
+
+def voxel_integrals(grain: Grain) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 3"]]:
+    """Return the integrals of :func:`volume_integrals` of a voxel grain, and the origin they are about.
+
+    Raises
+    ------
+    MeasureError
+        If the grain has no voxels.
+    """
+    mask = grain.mask
+    if not mask.any():
+        raise MeasureError(f"'{grain.name}' has no voxels: there is nothing to measure.")
+    # Three projections hold all second moments, and are read faster than the voxels' coordinates.
+    along_z, along_y, along_x = (mask.sum(axis=axis, dtype=np.float64) for axis in range(3))
+    z, y, x = (
+        (np.arange(size) - (size - 1) / 2) * edge
+        for size, edge in zip(mask.shape, grain.voxel_size.zyx, strict=True)
+    )
+    by_x, by_y, by_z = along_z.sum(axis=0), along_z.sum(axis=1), along_y.sum(axis=1)
+    integrals = np.array([
+        by_x.sum(), by_x @ x, by_y @ y, by_z @ z, by_x @ x**2, by_y @ y**2, by_z @ z**2,
+        y @ along_z @ x, z @ along_x @ y, z @ along_y @ x,
+    ])  # fmt: skip
+    middle = np.array([(size - 1) / 2 for size in mask.shape])
+    return integrals * grain.voxel_size.volume, grain.voxel_size.positions(middle[None], grain.origin)[0]
 
 
 def properties_of_integrals(

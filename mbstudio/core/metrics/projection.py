@@ -10,14 +10,18 @@ pick the starts; a local quadratic search ends at the maximum to better than 0.1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull
 
+from mbstudio.core.metrics.sphere_directions import frame_along, half_sphere
+from mbstudio.core.metrics.surfaces import signed_volumes
+
 _DIRECTIONS = 500
 _EXACT_AT_MOST = 24
+"""Of a convex body; the more its hull tells too much, the more directions are looked at."""
+_EXACT_OF_CONCAVE = 250
 _MANY_FACES = 12000
 _LIGHT_TOLERANCE = 1e-3
 _APART = np.cos(np.radians(9.0))
@@ -62,7 +66,7 @@ class SilhouetteCaster:
 
     def cast(self, direction: Float[np.ndarray, " 3"]) -> Silhouette:
         """Return the silhouette along a direction (any length but zero)."""
-        frame = _frame_along(direction)
+        frame = frame_along(direction)
         if self._solid is None:
             outlines = self._outlines_by_union(frame)
         else:
@@ -81,7 +85,7 @@ class SilhouetteCaster:
         if self._light is None:
             many = len(self._faces) > _MANY_FACES
             self._light = self._solid.simplify(_LIGHT_TOLERANCE) if many else self._solid
-        return float(_project(self._light, _frame_along(direction)).area()) * self._scale**2
+        return float(_project(self._light, frame_along(direction)).area()) * self._scale**2
 
     def _make_solid(self):  # type: ignore[no-untyped-def]
         import manifold3d
@@ -133,12 +137,14 @@ def maximum_projection(
     """
     caster = SilhouetteCaster(*(coarse or (vertices, faces)))
     bounds = _hull_areas(hull)
-    directions = _directions()
+    directions = half_sphere(_DIRECTIONS)
     order = np.argsort(-bounds, kind="stable")
     tried: list[tuple[float, np.ndarray]] = []
     best = 0.0
+    filled = float(np.clip(signed_volumes(vertices, faces).sum() / hull.volume, 0.1, 1.0))
+    most = min(_EXACT_OF_CONCAVE, int(_EXACT_AT_MOST / filled**2))
     for index in order:
-        if bounds[index] <= best or len(tried) >= _EXACT_AT_MOST:
+        if bounds[index] <= best or len(tried) >= most:
             break
         direction = directions[index]
         if any(abs(direction @ other) > _APART for _, other in tried):
@@ -166,7 +172,7 @@ def _climb(caster: SilhouetteCaster, direction: np.ndarray, area: float) -> tupl
     hexagon = np.stack([np.cos(ring), np.sin(ring)], axis=1)
     step = np.radians(5.0)
     for _ in range(6):
-        frame = _frame_along(direction)
+        frame = frame_along(direction)
         offsets = hexagon * np.tan(step)
         trials = direction + offsets @ frame[:2]
         areas = np.array([caster.area(trial) for trial in trials])
@@ -202,28 +208,8 @@ def _hull_areas(hull: ConvexHull) -> Float[np.ndarray, " d"]:
     """Projected areas of the convex hull over all directions: half the sum of |a . n|."""
     triangles = hull.points[hull.simplices]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    areas = np.zeros(len(_directions()))
+    areas = np.zeros(len(half_sphere(_DIRECTIONS)))
     for part in np.array_split(normals, max(1, len(normals) // 4000)):
-        heights = _directions().astype(np.float32) @ part.T.astype(np.float32)
+        heights = half_sphere(_DIRECTIONS).astype(np.float32) @ part.T.astype(np.float32)
         areas += 0.25 * np.abs(heights, out=heights).sum(axis=1)
     return areas * (1 + 1e-5)
-
-
-@cache
-def _directions() -> Float[np.ndarray, "d 3"]:
-    """Evenly spread directions over half a sphere (Fibonacci)."""
-    index = np.arange(_DIRECTIONS) + 0.5
-    z = 1.0 - index / _DIRECTIONS
-    azimuth = np.pi * (1 + np.sqrt(5.0)) * index
-    ring = np.sqrt(1 - z**2)
-    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
-
-
-def _frame_along(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Return a right-handed frame as rows whose third row is the direction."""
-    third = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
-    helper = np.zeros(3)
-    helper[np.abs(third).argmin()] = 1.0
-    first = np.cross(helper, third)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(third, first), third])

@@ -1,13 +1,15 @@
-"""The shape factors of one body, as the paper defines them."""
+"""The shape factors of one body that are cheap to find."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+from mbstudio.core.metrics import factors
+
 
 @dataclass(frozen=True)
 class ShapeFactors:
-    """Shape factors of a grain, mesh or avatar (Zhao et al. 2023, section 3.2).
+    """Shape factors of a grain, mesh or avatar (docs/shape-factors.md: formulas and sources).
 
     Attributes
     ----------
@@ -31,9 +33,17 @@ class ShapeFactors:
         Axis lengths L_s, L_i, L_l in unit, by `axes`.
     unit : str
     axes : str
-        Convention of the axis lengths: 'obb' (minimum-volume oriented bounding box).
+        Convention of the axis lengths: 'obb' (edges of the minimum-volume oriented bounding box), 'feret'
+        (caliper diameters) or 'inertia' (axes of the homogeneous ellipsoid with the same inertia over mass).
     surface : str
-        Which surface was measured: 'avatar', 'mesh', 'smoothed voxels'.
+        What the area was measured on: 'avatar', 'mesh', 'crofton voxels', 'smoothed voxels'.
+    warning : str
+        What to mind about these numbers, in a sentence; empty if nothing.
+
+    Notes
+    -----
+    The factors that follow from the axis lengths alone are properties: `krumbein`, `sneed_folk`,
+    `elongation` and `flatness` (Zingg), those of Potticary and of Angelidakis.
     """
 
     volume: float
@@ -50,7 +60,84 @@ class ShapeFactors:
     unit: str
     axes: str = "obb"
     surface: str = "mesh"
+    warning: str = ""
+
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """L_s, L_i, L_l in unit."""
+        return self.shortest, self.intermediate, self.longest
+
+    @property
+    def krumbein(self) -> float:
+        """Krumbein's intercept sphericity."""
+        return factors.krumbein_sphericity(*self.lengths)
+
+    @property
+    def sneed_folk(self) -> float:
+        """Sneed and Folk's maximum projection sphericity."""
+        return factors.sneed_folk_sphericity(*self.lengths)
+
+    @property
+    def elongation(self) -> float:
+        """Zingg's b/a: L_i / L_l."""
+        return self.intermediate / self.longest
+
+    @property
+    def flatness(self) -> float:
+        """Zingg's c/b: L_s / L_i."""
+        return self.shortest / self.intermediate
+
+    @property
+    def potticary_elongation(self) -> float:
+        """Potticary's elongation, 0 to 1."""
+        return factors.potticary_elongation(*self.lengths)
+
+    @property
+    def potticary_flatness(self) -> float:
+        """Potticary's flatness, 0 to 1."""
+        return factors.potticary_flatness(*self.lengths)
+
+    @property
+    def angelidakis_elongation(self) -> float:
+        """Angelidakis' elongation, 0 to 1."""
+        return factors.angelidakis_elongation(*self.lengths)
+
+    @property
+    def angelidakis_flatness(self) -> float:
+        """Angelidakis' flatness, 0 to 1."""
+        return factors.angelidakis_flatness(*self.lengths)
 
     def as_dict(self) -> dict[str, float | str]:
         """Return name and value of every factor, for tables."""
-        return asdict(self)
+        found = asdict(self)
+        stated = {name: found.pop(name) for name in ("unit", "axes", "surface", "warning")}
+        return {**found, **{name: getattr(self, name) for name in AXIS_FACTORS}, **stated}
+
+
+AXIS_FACTORS = (
+    "krumbein",
+    "sneed_folk",
+    "elongation",
+    "flatness",
+    "potticary_elongation",
+    "potticary_flatness",
+    "angelidakis_elongation",
+    "angelidakis_flatness",
+)
+"""Factors that follow from the three axis lengths."""
+
+CORE_FACTORS = (
+    "volume",
+    "area",
+    "sphericity",
+    "circularity",
+    "csf",
+    "dn",
+    "ds",
+    "dns",
+    "shortest",
+    "intermediate",
+    "longest",
+    *AXIS_FACTORS,
+)
+"""Every number in a `ShapeFactors`, by name."""

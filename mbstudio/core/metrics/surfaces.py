@@ -102,6 +102,26 @@ def subdivide(
     return middles, split
 
 
+def split_to_edges(corners: Float[np.ndarray, "f 3 3"], longest: float) -> Float[np.ndarray, "g 3 3"]:
+    """Split triangles in four, those with an edge longer than `longest` again and again, at most eight times.
+
+    Where a split triangle meets one that is not, the corner between them lies on its edge: no gap opens.
+    """
+    done = []
+    for _ in range(8):
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
+        done.append(corners[edges <= longest])
+        a, b, c = corners[edges > longest].transpose(1, 0, 2)
+        if not len(a):
+            break
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        corners = np.concatenate([np.stack(part, axis=1) for part in parts])
+    else:
+        done.append(corners)
+    return np.concatenate(done)
+
+
 def outer_pieces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> int:
     """Return how many solid pieces a closed mesh has; cavities (shells of negative volume) do not count."""
     return pieces_and_voids(vertices, faces)[0]
@@ -141,8 +161,8 @@ def checked_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     Raises
     ------
     MeshError
-        If it is empty, not closed, not consistently oriented, in several pieces, or has vertices that are
-        not finite.
+        If it is empty, not closed, not consistently oriented, in several pieces, or has duplicate faces or
+        vertices that are not finite.
     """
     name = mesh.metadata.get("file_name") or "The mesh"
     if not len(mesh.faces):
@@ -150,6 +170,12 @@ def checked_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     if not np.isfinite(mesh.vertices).all():
         raise MeshError(f"{name} has vertices that are not finite numbers.")
     if not mesh.is_watertight:
+        copies = len(mesh.faces) - len(np.unique(np.sort(mesh.faces, axis=1), axis=0))
+        if copies and np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1].min() > 1:
+            raise MeshError(
+                f"{name} is not closed: {copies} of its faces are there twice. Remove them, in MeshLab with "
+                "Filters > Cleaning > Remove Duplicate Faces."
+            )
         raise MeshError(f"{name} is not closed: it has no volume. Close its holes in a mesh editor first.")
     if not mesh.is_winding_consistent:
         raise MeshError(

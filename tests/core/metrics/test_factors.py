@@ -24,3 +24,23 @@ def test_a_cube_has_the_sphericity_of_the_textbook():
 
 def test_corey_uses_the_shortest_over_the_mean_of_the_others():
     assert factors.corey_shape_factor(1, 4, 9) == pytest.approx(1 / 6)
+
+
+def test_factors_of_the_axes_by_hand():
+    assert factors.krumbein_sphericity(1, 2, 4) == pytest.approx((2 / 16) ** (1 / 3))
+    assert factors.sneed_folk_sphericity(1, 2, 4) == pytest.approx((1 / 8) ** (1 / 3))
+    assert factors.potticary_elongation(1, 2, 4) == pytest.approx(2 / 7)
+    assert factors.potticary_flatness(1, 2, 4) == pytest.approx(2 / 7)
+    assert factors.angelidakis_elongation(1, 2, 4) == pytest.approx(4 / 8 - 1 / 5)
+    assert factors.angelidakis_flatness(1, 2, 4) == pytest.approx(4 / 8 - 1 / 5)
+
+
+def test_a_needle_is_all_elongation_and_a_disc_all_flatness():
+    needle, disc = (1e-9, 1e-9, 1), (1e-9, 1, 1)
+    for elongation, flatness in (
+        (factors.potticary_elongation, factors.potticary_flatness),
+        (factors.angelidakis_elongation, factors.angelidakis_flatness),
+    ):
+        assert (elongation(*needle), flatness(*needle)) == pytest.approx((1, 0))
+        assert (elongation(*disc), flatness(*disc)) == pytest.approx((0, 1))
+    assert factors.angelidakis_elongation(1, 1, 1) == factors.angelidakis_flatness(1, 1, 1) == 0

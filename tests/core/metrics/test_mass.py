@@ -8,8 +8,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.errors import MeasureError, MeshError
+from mbstudio.core.grains import Grain
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import mass_properties
+from mbstudio.core.units import VoxelSize
 from tests.core.metrics.solids import turned
 
 
@@ -90,3 +92,32 @@ def test_a_mesh_without_unit_or_without_inside_is_refused():
     opened = trimesh.Trimesh(opened.vertices, opened.faces[1:], process=False)
     with pytest.raises(MeshError, match="not closed"):
         mass_properties(opened, 2650, unit="m")
+
+
+def test_a_grain_of_long_voxels_by_hand():
+    mask = np.zeros((3, 4, 5), dtype=bool)
+    mask[0, 0, 0] = mask[2, 3, 4] = mask[0, 3, 0] = True
+    size = VoxelSize(3.0, 2.0, 1.0, "mm")
+    found = mass_properties(Grain(mask, size, (10.0, 20.0, 30.0)), 1e9)
+    points = np.array([[10, 20, 30], [14, 26, 36], [10, 26, 30]], dtype=float)
+    centred = points - points.mean(axis=0)
+    second = 6.0 * centred.T @ centred
+    assert found.volume == 18
+    assert found.com == pytest.approx(points.mean(axis=0))
+    assert found.inertia == pytest.approx(np.trace(second) * np.eye(3) - second)
+    assert found.unit == "mm"
+
+
+def test_the_voxels_of_a_box_have_its_moments():
+    edges = np.array([24.3, 17.8, 11.1])
+    rng = np.random.default_rng(2)
+    errors = []
+    for _ in range(6):
+        turn, shift = Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.5, 0.5, 3)
+        z, y, x = np.mgrid[-18:19, -18:19, -18:19]
+        mask = (np.abs((np.stack([x, y, z], axis=-1) - shift) @ turn) <= edges / 2).all(axis=-1)
+        found = mass_properties(Grain(mask, VoxelSize(1, 1, 1, "mm")), 1e9)
+        known = np.sort((edges**2).sum() - edges**2) / 12
+        errors.append(found.principal / found.volume / known - 1)
+    # Cubes instead of points would add 0.4 to 0.5 %.
+    assert np.mean(errors, axis=0) == pytest.approx(np.zeros(3), abs=3e-3)

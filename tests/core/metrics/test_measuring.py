@@ -94,10 +94,9 @@ def test_an_ellipsoid_of_voxels(radius, seed):
     found = measure(grain)
     a, b, c = axes * 14
     volume, area = 4 / 3 * math.pi * a * b * c, ellipsoid_area(a, b, c)
-    assert (found.unit, found.surface) == ("um", "smoothed voxels")
+    assert (found.unit, found.surface) == ("um", "crofton voxels")
     assert found.volume == grain.volume
     assert found.volume == pytest.approx(volume, rel=0.012 if radius < 15 else 0.005)
-    # The surface keeps a trace of the staircase: about half a percent at every size.
     assert found.area == pytest.approx(area, rel=0.012 if radius < 15 else 0.008)
     assert found.sphericity == pytest.approx((36 * math.pi * volume**2) ** (1 / 3) / area, rel=0.008)
     assert found.ds == pytest.approx(2 * math.sqrt(a * b), rel=0.008)

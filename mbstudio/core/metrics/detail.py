@@ -1,0 +1,95 @@
+"""Measure the detailed factors of a grain, an avatar or a mesh: one code for the three."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbstudio.core.grains.grain import Grain
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metrics import factors
+from mbstudio.core.metrics.axes import convex_hull
+from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, measured_body
+from mbstudio.core.metrics.curvature import roughness, roundness, smoothed_body
+from mbstudio.core.metrics.detailed_factors import DetailedFactors
+from mbstudio.core.metrics.feret import feret_diameters
+from mbstudio.core.metrics.harmonics import band_energies
+from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
+from mbstudio.core.metrics.surfaces import signed_volumes
+from mbstudio.core.units import conversion_factor, parse_unit
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+def measure_detail(body: Grain | Avatar | trimesh.Trimesh, *, unit: str | None = None) -> DetailedFactors:
+    """Return spheres, Feret diameters, convexity, roundness, roughness and band energies of one body.
+
+    A grain is measured on its lightly smoothed surface, an avatar on a fine mesh with every vertex on its
+    surface.
+
+    Parameters
+    ----------
+    body : Grain, Avatar or trimesh.Trimesh
+    unit : str, optional
+        As for `measure`.
+
+    Raises
+    ------
+    MeshError, MeasureError
+        As `measure`; also MeasureError for a thread too long for the grid of the curvature.
+    """
+    found = detailed_factors(measured_body(body, unit, "smoothed"))
+    return found if unit is None or found.unit == UNITLESS else detail_in_unit(found, unit)
+
+
+def detail_in_unit(measured: DetailedFactors, unit: str) -> DetailedFactors:
+    """Return the same factors with lengths in another unit."""
+    unit = parse_unit(unit)
+    f = conversion_factor(measured.unit, unit)
+    lengths = ("inscribed", "enclosing", "feret_min", "feret_mid", "feret_max")
+    x, y, z = measured.inscribed_centre
+    u, v, w = measured.enclosing_centre
+    return replace(
+        measured,
+        **{name: getattr(measured, name) * f for name in lengths},
+        inscribed_centre=(x * f, y * f, z * f),
+        enclosing_centre=(u * f, v * f, w * f),
+        unit=unit,
+    )
+
+
+def detailed_factors(body: MeasuredBody) -> DetailedFactors:
+    """Return the detailed factors of a body that :func:`measured_body` prepared."""
+    vertices, faces = body.outline
+    hull = convex_hull(vertices)
+    dn = factors.nominal_diameter(body.volume)
+    smooth = smoothed_body(vertices, faces, dn)
+    inner = inscribed_sphere(vertices, faces, smooth.inside, smooth.edge, smooth.origin)
+    outer = enclosing_sphere(hull.points[hull.vertices])
+    feret_min, feret_mid, feret_max = (float(length) for length in feret_diameters(hull).lengths)
+    energies = band_energies(vertices, faces, body.centre)
+    return DetailedFactors(
+        convexity=float(signed_volumes(vertices, faces).sum()) / float(hull.volume),
+        inscribed=2 * inner.radius,
+        enclosing=2 * outer.radius,
+        sheppard=2 * inner.radius / dn,
+        feret_min=feret_min,
+        feret_mid=feret_mid,
+        feret_max=feret_max,
+        roundness=roundness(smooth, inner.radius),
+        roughness=roughness(smooth, vertices, faces, dn),
+        bands=None if energies is None else tuple(float(energy) for energy in energies),
+        inscribed_centre=_triple(inner.centre),
+        enclosing_centre=_triple(outer.centre),
+        unit=body.unit,
+        surface=body.surface,
+        warning=body.warning,
+    )
+
+
+def _triple(point: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in point)
+    return x, y, z
