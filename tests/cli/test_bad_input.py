@@ -285,7 +285,7 @@ def test_an_unknown_way_with_cavities(mbstudio, fitted_project, tmp_path):
         "fit", fitted_project, "--refit", "--limit", 1, "--workers", 0, "--cavities", "leave",
         "-o", tmp_path / "a.mbs",
     )  # fmt: skip
-    assert_one_message(ran, "'leave'")
+    assert_one_message(ran, "cavities=leave")
     assert not (tmp_path / "a.mbs").exists()
 
 
