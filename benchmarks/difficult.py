@@ -20,13 +20,13 @@ import numpy as np
 from grain_kinds import (
     Implicit,
     KnownGrain,
-    _box,
-    _smooth_least,
-    _turned,
     angular,
+    box_distance,
     cobble,
     concave,
     known_grain,
+    smooth_least,
+    turned,
 )
 
 from mbstudio.core.errors import FitError
@@ -45,7 +45,7 @@ def disc(radius: float, half: float) -> Implicit:
 def plate(a: float, b: float, half: float) -> Implicit:
     """Return a plate with slightly rounded rims."""
     edge = 0.4 * half
-    return lambda p: _box(p, np.array([a, b, half]) - edge) - edge
+    return lambda p: box_distance(p, np.array([a, b, half]) - edge) - edge
 
 
 def wave(a: float, half: float) -> Implicit:
@@ -83,23 +83,23 @@ def cross(length: float, half: float) -> Implicit:
     """Return three rods through one point."""
 
     def value(p: np.ndarray) -> np.ndarray:
-        rods = [_box(p, np.roll([length, half, half], axis)) for axis in range(3)]
+        rods = [box_distance(p, np.roll([length, half, half], axis)) for axis in range(3)]
         return np.minimum.reduce(rods)
 
     return value
 
 
 def dumb_bell(p: np.ndarray) -> np.ndarray:
-    return _smooth_least(
+    return smooth_least(
         np.linalg.norm(np.abs(p) * [1, 1, 1] - [0.55, 0, 0], axis=1) - 0.32,
-        _box(p, np.array([0.5, 0.04, 0.04])) - 0.04, 0.05,
+        box_distance(p, np.array([0.5, 0.04, 0.04])) - 0.04, 0.05,
     )  # fmt: skip
 
 
 def _made(
     name: str, body: Implicit, side: int, turn: int = 1, ratio: tuple[float, float, float] = (1, 1, 1)
 ) -> tuple[str, Make]:
-    matrix = _turned(np.random.default_rng(turn))
+    matrix = turned(np.random.default_rng(turn))
     return name, lambda: known_grain("difficult", name, lambda p: body(p @ matrix), side, ratio=ratio)
 
 
@@ -118,7 +118,7 @@ def _sheet(kind: str, across: int, thick: float, turn: int = 1) -> tuple[str, Ma
 
 
 def _needle(length: float, half: float) -> Implicit:
-    return lambda p: _box(p, np.array([length, half, half]) * [1, 0.6, 0.6]) - 0.4 * half
+    return lambda p: box_distance(p, np.array([length, half, half]) * [1, 0.6, 0.6]) - 0.4 * half
 
 
 def _straight_box(shape: tuple[int, int, int]) -> tuple[str, Make]:

@@ -1,4 +1,4 @@
-"""Synthetic grains whose true surface is known: cobbles, angular, concave, craggy and difficult ones.
+"""Synthetic grains whose true surface is known: cobbles, angular, concave and craggy ones.
 
 Each kind is an implicit function (negative inside) on the box [-1, 1]**3; the voxels are its
 signs at voxel centres, the truth a mesh whose vertices are moved onto its zero.
@@ -28,12 +28,12 @@ class KnownGrain:
     truth: trimesh.Trimesh
 
 
-def _turned(rng: np.random.Generator) -> np.ndarray:
+def turned(rng: np.random.Generator) -> np.ndarray:
     matrix, upper = np.linalg.qr(rng.normal(size=(3, 3)))
     return matrix * np.sign(np.diag(upper))
 
 
-def _smooth_least(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
+def smooth_least(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
     h = np.clip(0.5 + 0.5 * (b - a) / width, 0, 1)
     return b + (a - b) * h - width * h * (1 - h)
 
@@ -41,7 +41,7 @@ def _smooth_least(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
 def cobble(rng: np.random.Generator) -> Implicit:
     """Return an ellipsoid with gentle waves."""
     axes = np.array([0.9, rng.uniform(0.65, 0.85), rng.uniform(0.45, 0.65)])
-    turn, waves, phases = _turned(rng), rng.normal(size=(6, 3)) * 2.0, rng.uniform(0, 6.3, 6)
+    turn, waves, phases = turned(rng), rng.normal(size=(6, 3)) * 2.0, rng.uniform(0, 6.3, 6)
 
     def value(points: np.ndarray) -> np.ndarray:
         local = points @ turn
@@ -71,9 +71,9 @@ def concave(rng: np.random.Generator) -> Implicit:
     def value(points: np.ndarray) -> np.ndarray:
         body = np.linalg.norm(points, axis=1) - 0.35
         for center, radius in zip(centers, radii, strict=True):
-            body = _smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.12)
+            body = smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.12)
         for bite in bites:
-            body = -_smooth_least(-body, np.linalg.norm(points - bite, axis=1) - 0.35, 0.06)
+            body = -smooth_least(-body, np.linalg.norm(points - bite, axis=1) - 0.35, 0.06)
         return body
 
     return value
@@ -96,7 +96,7 @@ def craggy(rng: np.random.Generator) -> Implicit:
     def value(points: np.ndarray) -> np.ndarray:
         body = np.linalg.norm(points, axis=1) - 0.3
         for center, radius in zip(centers, radii, strict=True):
-            body = _smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.05)
+            body = smooth_least(body, np.linalg.norm(points - center, axis=1) - radius, 0.05)
         for bite, radius in zip(bites, bite_radii, strict=True):
             body = np.maximum(body, radius - np.linalg.norm(points - bite, axis=1))
         for directions, phases, height in waves:
@@ -106,58 +106,9 @@ def craggy(rng: np.random.Generator) -> Implicit:
     return value
 
 
-def _box(points: np.ndarray, half: np.ndarray) -> np.ndarray:
+def box_distance(points: np.ndarray, half: np.ndarray) -> np.ndarray:
     q = np.abs(points) - half
     return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
-
-
-DIFFICULT: dict[str, Implicit] = {
-    "disc": lambda p: np.maximum(np.hypot(p[:, 0], p[:, 1]) - 0.8, np.abs(p[:, 2]) - 0.08),
-    "plate": lambda p: _box(p, np.array([0.8, 0.55, 0.05])) - 0.03,
-    "needle": lambda p: _box(p, np.array([0.85, 0.06, 0.06])) - 0.05,
-    "ring": lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.2,
-    "horseshoe": lambda p: np.maximum(
-        np.hypot(np.hypot(p[:, 0], p[:, 1]) - 0.6, p[:, 2]) - 0.22,
-        np.minimum(p[:, 0] - 0.2, 0.3 - np.abs(p[:, 1])),
-    ),
-    "bowl": lambda p: np.maximum(np.abs(np.linalg.norm(p, axis=1) - 0.7) - 0.12, p[:, 2] - 0.1),
-    "dumb-bell": lambda p: _smooth_least(
-        np.linalg.norm(np.abs(p) * [1, 1, 1] - [0.55, 0, 0], axis=1) - 0.32,
-        _box(p, np.array([0.5, 0.04, 0.04])) - 0.04, 0.05,
-    ),
-    "sphere": lambda p: np.linalg.norm(p, axis=1) - 0.8,
-    "cube": lambda p: _box(p, np.full(3, 0.55)),
-}  # fmt: skip
-
-
-def _values(implicit: Implicit, axes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return an implicit body's values on a grid of axes z, y, x, layer by layer."""
-    z, y, x = axes
-    yy, xx = np.meshgrid(y, x, indexing="ij")
-    flat = [np.stack([xx.ravel(), yy.ravel(), np.full(xx.size, height)], axis=1) for height in z]
-    return np.stack([implicit(points).reshape(xx.shape) for points in flat])
-
-
-def _true_surface(implicit: Implicit, fine: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return corners, moved onto the body's zero, and triangles of its contour on `fine` cells a side."""
-    from skimage.measure import marching_cubes
-
-    step = 2.0 / fine
-    axis = (np.arange(fine) + 0.5) * step - 1
-    padded = np.pad(_values(implicit, (axis, axis, axis)), 1, constant_values=step)
-    vertices, faces, _, _ = marching_cubes(padded, 0.0, gradient_direction="ascent")
-    points = (vertices[:, ::-1] - 0.5) * step - 1
-    for _ in range(3):
-        here = implicit(points)
-        slope = np.stack(
-            [(implicit(points + d) - implicit(points - d)) / 2e-4 for d in 1e-4 * np.eye(3)], axis=1
-        )
-        move = -slope * (here / np.maximum((slope**2).sum(axis=1), 1e-6))[:, None]
-        points = (
-            points
-            + move * np.minimum(1, 0.5 * step / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
-        )
-    return points, faces
 
 
 def known_grain(
@@ -202,14 +153,4 @@ def synthetic(side: int = 200, count: int = 5, seed: int = 2023) -> list[KnownGr
         known_grain(kind, f"{kind} {i}", maker(np.random.default_rng([seed, k, i])), side)
         for k, (kind, maker) in enumerate(makers.items())
         for i in range(count)
-    ]
-
-
-def difficult(side: int = 120) -> list[KnownGrain]:
-    """Return thin, hollowed and pierced shapes."""
-    # Turned, so that no face lies along the voxels: there a whole layer would be in or out.
-    turn = _turned(np.random.default_rng(1))
-    return [
-        known_grain("difficult", name, lambda p, body=implicit: body(p @ turn), side)
-        for name, implicit in DIFFICULT.items()
     ]

@@ -1,6 +1,6 @@
 """How true and how fast Metaball-Imaging is; prints Markdown tables.
 
-Usage: python benchmarks/imaging.py [synthetic] [difficult] [real] [speed] [paper] [paper_all]
+Usage: python benchmarks/imaging.py [synthetic] [real] [speed] [paper] [paper_all]
        [sand [--grains N] [--seed S]] [--quick]
 
 Lengths are in percent of the nominal diameter D_n; CPU times are of one core, preparation
@@ -19,7 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 import trimesh
-from grain_kinds import KnownGrain, difficult, synthetic
+from grain_kinds import KnownGrain, synthetic
 from imaging_factors import factor_table
 from imaging_paper import against_paper
 from imaging_scores import score, timed_fit
@@ -94,7 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("tables", nargs="*", default=["synthetic", "difficult", "real", "speed"])
+    parser.add_argument("tables", nargs="*", default=["synthetic", "real", "speed"])
     parser.add_argument(
         "--quick", action="store_true", help="two grains of a kind, two numbers of control points"
     )
@@ -107,9 +107,6 @@ def main() -> None:
     if "synthetic" in chosen.tables:
         grains = synthetic(200, 2 if chosen.quick else 5)
         table("Synthetic grains of 200 cubed against their true surface", grains, numbers)
-    if "difficult" in chosen.tables:
-        for known in difficult():
-            table(known.name, [known], tuple(n for n in numbers if n >= 20))
     if "real" in chosen.tables:
         for folder in ("aggregates", "cement", "stones"):
             grains = real_meshes(folder)
