@@ -107,8 +107,39 @@ def craggy(rng: np.random.Generator) -> Implicit:
 
 
 def box_distance(points: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Return the signed distance of points to a box about the origin with these half edges."""
     q = np.abs(points) - half
     return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
+def _values(implicit: Implicit, axes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return an implicit body's values on a grid of axes z, y, x, layer by layer."""
+    z, y, x = axes
+    yy, xx = np.meshgrid(y, x, indexing="ij")
+    flat = [np.stack([xx.ravel(), yy.ravel(), np.full(xx.size, height)], axis=1) for height in z]
+    return np.stack([implicit(points).reshape(xx.shape) for points in flat])
+
+
+def _true_surface(implicit: Implicit, fine: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners, moved onto the body's zero, and triangles of its contour on `fine` cells a side."""
+    from skimage.measure import marching_cubes
+
+    step = 2.0 / fine
+    axis = (np.arange(fine) + 0.5) * step - 1
+    padded = np.pad(_values(implicit, (axis, axis, axis)), 1, constant_values=step)
+    vertices, faces, _, _ = marching_cubes(padded, 0.0, gradient_direction="ascent")
+    points = (vertices[:, ::-1] - 0.5) * step - 1
+    for _ in range(3):
+        here = implicit(points)
+        slope = np.stack(
+            [(implicit(points + d) - implicit(points - d)) / 2e-4 for d in 1e-4 * np.eye(3)], axis=1
+        )
+        move = -slope * (here / np.maximum((slope**2).sum(axis=1), 1e-6))[:, None]
+        points = (
+            points
+            + move * np.minimum(1, 0.5 * step / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
+        )
+    return points, faces
 
 
 def known_grain(
