@@ -25,7 +25,7 @@ from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere
 from mbstudio.core.imaging.steps import SearchStep
-from mbstudio.core.imaging.thin import spread
+from mbstudio.core.imaging.thin import number_needed, spread
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
@@ -72,6 +72,8 @@ _MOST_MATCHED = 0.03
 _MATCHED = "all weights scaled a little to match the volume of the voxels"
 # By how much the score may grow for the right number of handles.
 _MOST_FOR_HANDLES = 1.5
+# Share of the control points that the body needs, below which neither holes nor tears are mended.
+_FEWEST_OF_NEEDED = 0.5
 _MOST_MATCHED_OF_THIN = 0.08
 # Share of the control points relocated at a time; steps between, until and after relocations.
 _RELOCATED = 0.1
@@ -243,10 +245,9 @@ class FastFit(StepRun):
         candidates.append(self._forced())
         if self._is_content(candidates[-1]):
             return
+        numbers = dict.fromkeys((self.n, 2 * self.n // 3, self.n // 2, self.n // 4, 4, 1))
         cautious = replace(self.options.refine, steepness_floor=2.0, start_damping=10.0)
-        for fewer in dict.fromkeys((self.n, 2 * self.n // 3, self.n // 2, self.n // 4, 4, 1)):
-            if not 1 <= fewer <= self.n:
-                continue
+        for fewer in () if self._is_hopeless() else (number for number in numbers if 1 <= number <= self.n):
             self._begin(self._fresh(fewer), cautious)
             number = "" if fewer == self.n else f" with {fewer} control points"
             yield self._step(last, f"begins anew{number}, more cautiously: the avatar was not sound")
@@ -268,7 +269,7 @@ class FastFit(StepRun):
         assert self._refinement is not None
         assert self.prepared is not None
         wanted = self.prepared.genus
-        if wanted is None or self._look().genus == wanted:
+        if wanted is None or self._look().genus == wanted or self._is_hopeless():
             return
         candidates = [self._forced()]
         affordable = _MOST_FOR_HANDLES * candidates[0].score
@@ -293,6 +294,11 @@ class FastFit(StepRun):
             self._refinement.control = best.control
             yield self._step(last, "other handles than the grain's: to mend them would cost too much truth")
             self._found = best.found
+
+    def _is_hopeless(self) -> bool:
+        """Tell whether the body needs so many more control points that trying again is in vain."""
+        assert self.prepared is not None
+        return self.n < _FEWEST_OF_NEEDED * number_needed(self.prepared)
 
     def _is_content(self, candidate: _Candidate) -> bool:
         """Tell whether the present avatar, scored as `candidate`, is sound without force and true enough."""

@@ -135,8 +135,8 @@ def check(
         reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}.")
     warnings = _warnings(kept, filled, found.voids)
     if grain_genus is not None and found.genus != grain_genus:
-        told = f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}."
-        warnings = (*warnings, f"{told} More control points can mend it.")
+        told = f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}"
+        warnings = (*warnings, f"{told}: {_cure(max(avatar.n, asked or 0), grain, needed)}.")
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),

@@ -127,7 +127,7 @@ def test_handles_that_cannot_be_mended_are_told(monkeypatch: pytest.MonkeyPatch)
     verdict = run.result().verdict
     assert verdict.genus == 1
     assert verdict.warnings == (
-        "The avatar has 1 handle, the grain no handle. More control points can mend it.",
+        "The avatar has 1 handle, the grain no handle: n too small for this shape: try 80.",
     )
 
 
