@@ -129,9 +129,9 @@ def outer_pieces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3
 
 def pieces_and_voids(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[int, int]:
     """Return how many shells of positive and of negative volume a closed mesh has."""
-    rows, columns = faces[:, [0, 1]].T
+    rows, columns = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
     graph = coo_array(
-        (np.ones(len(faces), dtype=np.int8), (rows, columns)), shape=(len(vertices), len(vertices))
+        (np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(len(vertices), len(vertices))
     )
     count, of_vertex = connected_components(graph + graph.T, directed=False)
     if count == 1:

@@ -15,6 +15,7 @@ from mbstudio.core.errors import MeasureError, MeshError
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import measure
+from mbstudio.core.metrics.surfaces import pieces_and_voids
 from tests.core.metrics.solids import (
     ellipse_perimeter,
     ellipsoid_area,
@@ -230,3 +231,15 @@ def test_rotation_objects_are_not_needed_to_know_the_direction():
     pose[:3, :3] = Rotation.from_euler("xyz", [33, 21, 70], degrees=True).as_matrix()
     box.apply_transform(pose)
     assert math.pi * measure(box).ds ** 2 / 4 == pytest.approx(math.sqrt(1 + 36 + 36), rel=1e-4)
+
+
+def test_a_body_is_one_whatever_corner_its_faces_begin_with() -> None:
+    ball = trimesh.creation.icosahedron()
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        turned = np.array(
+            [np.roll(face, turn) for face, turn in zip(faces, rng.integers(0, 3, 20), strict=True)]
+        )
+        assert pieces_and_voids(vertices, turned) == (1, 0)
+    assert pieces_and_voids(np.vstack([vertices, vertices + 5]), np.vstack([faces, faces + 12])) == (2, 0)
