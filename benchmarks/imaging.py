@@ -33,7 +33,8 @@ DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
 
 HEADER = (
     "| grain | n | abs dV % | dA % | Chamfer | Hausdorff (max) | pieces > 1 | voids "
-    "| points outside | not valid | other handles than the voxels (the truth) | CPU s |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
+    "| points outside | not valid | handles wrong: of voxels (of truth) | CPU s |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
