@@ -47,6 +47,9 @@ class RefineSettings:
     area_slack, most_area_gain : float
         The area row strives for the hull's area less this share (steps of the voxels leave so
         much on smooth surfaces), but for no more than this share beyond what the avatar has.
+    area_noise : float
+        Below an RMS of so many voxels of the scan the area row is left out: on such smooth grains
+        the voxels' steps add more to the hull's area than the avatar lacks.
     curvature_roof : float
         Bound of twice the mean curvature in the area row.
     points_per_control, fewest_points : int
@@ -74,6 +77,7 @@ class RefineSettings:
     area_weight: float = 1.0
     area_slack: float = 0.0035
     most_area_gain: float = 0.03
+    area_noise: float = 0.2
     curvature_roof: float = 30.0
     points_per_control: int = 25
     fewest_points: int = 1500
@@ -213,9 +217,11 @@ class Refinement:
 
     def strive_for_area(self) -> bool:
         """From now on also push edges out until the area is right; return whether it is too small."""
+        if self.settings.area_weight <= 0 or self.rms() < self.settings.area_noise * self.prepared.fineness:
+            return False
         area = mesh_area(self.control, 64)
         wanted = self.prepared.area * (1 - self.settings.area_slack)
-        if self.settings.area_weight <= 0 or not area < wanted:
+        if not area < wanted:
             return False
         self._wanted_area = min(wanted, area * (1 + self.settings.most_area_gain))
         self._renew()
