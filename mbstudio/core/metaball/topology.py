@@ -91,8 +91,8 @@ def group_root(parent, i):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _lowest_between(control, a, b, samples):  # pragma: no cover - compiled
-    """Return the lowest f on the line between control points a and b."""
+def _lowest_between(control, a, b, samples, enough):  # pragma: no cover - compiled
+    """Return the lowest f on the line between control points a and b; any value below `enough` does."""
     lowest = np.inf
     for step in range(1, samples):
         t = step / samples
@@ -104,7 +104,7 @@ def _lowest_between(control, a, b, samples):  # pragma: no cover - compiled
             dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
             total += control[3, i] / max(dx * dx + dy * dy + dz * dz, 1e-30)
         lowest = min(lowest, total)
-        if lowest < 1.0:
+        if lowest < enough:
             return lowest
     return lowest
 
@@ -117,19 +117,7 @@ def nearest_link(control, piece, samples):  # pragma: no cover - compiled
         for b in range(a):
             if piece[a] == piece[b]:
                 continue
-            lowest = np.inf
-            for step in range(1, samples):
-                t = step / samples
-                x = control[0, a] + t * (control[0, b] - control[0, a])
-                y = control[1, a] + t * (control[1, b] - control[1, a])
-                z = control[2, a] + t * (control[2, b] - control[2, a])
-                total = 0.0
-                for i in range(control.shape[1]):
-                    dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
-                    total += control[3, i] / max(dx * dx + dy * dy + dz * dz, 1e-30)
-                lowest = min(lowest, total)
-                if lowest < best:
-                    break
+            lowest = _lowest_between(control, a, b, samples, best)
             if lowest > best:
                 best, at_a, at_b = lowest, a, b
     return at_a, at_b, best
@@ -142,7 +130,7 @@ def _join_by_lines(control, parent, samples):  # pragma: no cover - compiled
     for a in range(n):
         for b in range(a):
             ra, rb = group_root(parent, a), group_root(parent, b)
-            if ra != rb and _lowest_between(control, a, b, samples) >= 1.0:
+            if ra != rb and _lowest_between(control, a, b, samples, 1.0) >= 1.0:
                 parent[max(ra, rb)] = min(ra, rb)
     for a in range(n):
         parent[a] = group_root(parent, a)
