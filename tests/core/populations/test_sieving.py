@@ -87,5 +87,5 @@ def test_the_curve_rises_and_its_diameters_with_it(bodies, series):
     found = [curve.diameter(percent) for percent in (10, 30, 50, 60, 100)]
     assert (np.diff(found) >= -1e-9).all()
     assert found[-1] >= size.max() * (1 - 1e-9) or series is None
-    # On sieves nothing is finer than the first and all is finer than the last, where the series reaches so far.
+    # All is finer than the last sieve: the series reaches so far.
     assert curve.finer[-1] == pytest.approx(100)
