@@ -91,8 +91,8 @@ def test_the_sieve_curve_in_mm(two):
 
 
 def test_zingg_states_the_shares():
-    bodies = population(longest=[1, 1, 1, 1], intermediate=[0.9, 0.9, 0.9, 0.5], shortest=[0.8, 0.8, 0.3, 0.2],
-                        volume=[1, 1, 1, 1])  # fmt: skip
+    b, c = [0.9, 0.9, 0.9, 0.5], [0.8, 0.8, 0.3, 0.2]
+    bodies = population(longest=[1, 1, 1, 1], intermediate=b, shortest=c, volume=[1, 1, 1, 1])
     figure = zingg_figure([bodies])
     for said in ("equant  50 %", "disc  25 %", "blade  25 %", "rod  0 %"):
         assert said in words(figure)
