@@ -71,5 +71,6 @@ def body_of(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> Grain | Avat
 
     # As it was sent: what is wrong with it is for the measurement to find.
     mesh = trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False)
-    mesh.units = head["unit"]
+    if head["unit"] is not None:  # trimesh would take None for a name
+        mesh.units = head["unit"]
     return mesh
