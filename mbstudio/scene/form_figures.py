@@ -99,7 +99,7 @@ def sneed_folk_figure(populations: Sequence[Population], *, theme: SceneTheme = 
         axes.text(x, y, _SHORT[name], ha="center", va="center", fontsize=11, weight="bold", color=_LINE,
                   path_effects=halo, zorder=3)  # fmt: skip
     _class_table(axes, shown, diagrams, theme)
-    axes.set_xlim(-0.08, 1.07 + 0.085 * len(shown))
+    axes.set_xlim(-0.08, 1.09 + 0.085 * len(shown))
     axes.set_ylim(-0.13, _TALL + 0.08)
     _legend(figure, shown, theme)
     return figure
@@ -150,7 +150,7 @@ def _class_table(
         axes.text(0.74, y, short, fontsize=8.5, weight="bold", color=_LINE, va="center")
         axes.text(0.795, y, name, fontsize=8.5, color=theme.ink, va="center")
         for place, (population, diagram) in enumerate(zip(shown, diagrams, strict=True)):
-            axes.text(1.07 + 0.085 * place, y, _share(diagram, name), fontsize=8.5, ha="right", va="center",
+            axes.text(1.09 + 0.085 * place, y, _share(diagram, name), fontsize=8.5, ha="right", va="center",
                       color=colour_of(population, theme))  # fmt: skip
 
 

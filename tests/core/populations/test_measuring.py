@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 import trimesh
@@ -77,7 +79,8 @@ def test_a_process_that_dies_costs_its_body_only(monkeypatch):
     assert "ended with code" in found.failures[77]
 
 
-def test_what_the_progress_raises_ends_the_work():
+@pytest.mark.parametrize("workers", [0, 1])
+def test_what_the_progress_raises_ends_the_work(workers):
     measured = []
 
     def stop(share, _message):
@@ -86,8 +89,9 @@ def test_what_the_progress_raises_ends_the_work():
             raise Cancelled("enough")
 
     with pytest.raises(Cancelled):
-        measure_population([box(1, 1, 1)] * 5, workers=0, progress=stop)
+        measure_population([box(1, 1, 1)] * 5, workers=workers, progress=stop)
     assert len(measured) == 2
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("crew-")]
 
 
 def test_conventions_reach_the_measurement():
