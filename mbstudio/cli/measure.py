@@ -2,31 +2,75 @@
 
 from __future__ import annotations
 
-import csv
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from mbstudio.cli import console, inputs
-from mbstudio.cli.measuring import FACTORS, measure_grains
+from mbstudio.cli.measuring import (
+    Row,
+    failures_of,
+    measure_grains,
+    require_parquet,
+    rows_of,
+    summarise,
+    table_of,
+    write_csv,
+    write_parquet,
+)
 from mbstudio.core.errors import MbstudioError, MeasureError
 
 ROWS_ON_SCREEN = 20
+FAILURES_ON_SCREEN = 5
+
+
+class Axes(StrEnum):
+    """Conventions of the axis lengths, by their names in ``mbstudio.core.metrics.measure``."""
+
+    OBB = "obb"
+    FERET = "feret"
+    INERTIA = "inertia"
+
+
+class Surface(StrEnum):
+    """How the area of a voxel grain is found, by its name in ``mbstudio.core.metrics.measure``."""
+
+    CROFTON = "crofton"
+    SMOOTHED = "smoothed"
+
+
+GrainsOption = Annotated[
+    str | None, typer.Option("--grains", metavar="3,5,9", help="Only these labels (1-20 is a range).")
+]
+LimitOption = Annotated[int | None, typer.Option("--limit", min=1, help="Only so many grains.")]
+AxesOption = Annotated[
+    Axes, typer.Option("--axes", help="What a, b, c are: bounding box, calipers, or ellipsoid of inertia.")
+]
+SurfaceOption = Annotated[Surface, typer.Option("--surface", help="How the area of voxel grains is found.")]
+DetailOption = Annotated[
+    bool,
+    typer.Option("--detail", help="Also convexity, spheres, Feret diameters, roundness, roughness, bands."),
+]
 
 
 def measure(
     source: Annotated[
         Path, typer.Argument(metavar="PROJECT|MESH", help="A project with grains, or a closed surface mesh.")
     ],
-    grains: Annotated[
-        str | None, typer.Option("--grains", metavar="3,5,9", help="Only these labels (1-20 is a range).")
-    ] = None,
-    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only so many grains.")] = None,
+    grains: GrainsOption = None,
+    limit: LimitOption = None,
     unit: inputs.UnitOption = None,
+    axes: AxesOption = Axes.OBB,
+    surface: SurfaceOption = Surface.CROFTON,
+    detail: DetailOption = False,
     workers: inputs.WorkersOption = None,
     csv_file: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write one row a grain as CSV.")
+    ] = None,
+    parquet_file: Annotated[
+        Path | None, typer.Option("--parquet", metavar="FILE", help="Write the same table as Parquet.")
     ] = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
@@ -35,11 +79,55 @@ def measure(
     Of a project, the grains that have an avatar are measured together with it, with the
     relative error of each factor; if none has one, all interior grains.
     """
-    if csv_file is not None and csv_file.resolve() == source.resolve():
-        raise MbstudioError(f"{csv_file} is the file to be measured: give the table another name.")
+    for output in (csv_file, parquet_file):
+        require_table_output(output, source)
+    if parquet_file is not None:
+        require_parquet()
     if inputs.is_mesh(source):
-        _measure_mesh(source, unit, csv_file, as_json)
+        table, factors = _measure_mesh(source, unit, axes, surface, detail)
+        _write(table, csv_file, parquet_file)
+        if as_json:
+            console.print_json(factors)
+        else:
+            name = factors.pop("name")
+            console.print_facts(f"Shape factors of {name}", factors)
         return
+    project, labels = chosen_grains(source, grains, limit)
+    populations = measure_grains(
+        project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
+    )
+    _write(table_of(populations, project), csv_file, parquet_file)
+    rows, failures = rows_of(populations), failures_of(populations)
+    summary = summarise(rows)
+    measured = [row for row in rows if "grain" in row]
+    if as_json:
+        stated = {"axes": axes.value, "surface": surface.value, "unit": populations.grains.unit}
+        console.print_json({**stated, "grains": rows, "summary": summary, "failures": failures})
+    else:
+        _print_rows(source, measured, summary)
+    for kind, reasons in failures.items():
+        for label, reason in list(reasons.items())[:FAILURES_ON_SCREEN]:
+            console.tell(f"mbstudio: {kind.removesuffix('s')} {label} could not be measured: {reason}")
+        if len(reasons) > FAILURES_ON_SCREEN:
+            console.tell(f"mbstudio: and {len(reasons) - FAILURES_ON_SCREEN} more {kind}, see --csv.")
+    if not measured:
+        raise MeasureError(f"No grain of {source} could be measured.")
+
+
+def require_table_output(output: Path | None, source: Path) -> None:
+    """Refuse an output that is what is measured, or that has no folder, before the work begins."""
+    if output is None:
+        return
+    if output.resolve() == source.resolve():
+        raise MbstudioError(f"{output} is the file to be measured: give the output another name.")
+    if output.is_dir():
+        raise MbstudioError(f"{output} is a folder: give the name of a file.")
+    if not output.resolve().parent.is_dir():
+        raise MbstudioError(f"{output} cannot be written: the folder {output.resolve().parent} is not there.")
+
+
+def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[Any, list[int]]:
+    """Open a project and return it with the labels to be measured."""
     if not inputs.is_project(source):
         raise MbstudioError(f"{source} is neither a project (.mbs) nor a mesh (.stl, .ply, .obj, .off).")
     from mbstudio.core.project import Project
@@ -48,68 +136,52 @@ def measure(
     if project.grains is None:
         raise MeasureError(f"{source} holds no grains yet: find them with 'mbstudio segment' first.")
     labels = inputs.numbers_in(grains, "--grains") or sorted(project.fits) or project.grains.interior_labels
-    rows, failures = measure_grains(project, labels[:limit], unit, workers)
-    if csv_file is not None:
-        write_csv(csv_file, rows)
-    summary = summarise(rows)
-    if as_json:
-        console.print_json({"grains": rows, "summary": summary, "failures": failures})
-    else:
-        _print_rows(source, rows, summary)
-    for label, reason in list(failures.items())[:5]:
-        console.tell(f"mbstudio: grain {label} could not be measured: {reason}")
-    if not rows:
-        raise MeasureError(f"No grain of {source} could be measured.")
+    if not labels:
+        raise MeasureError(f"{source} holds no grain that is whole: name some with --grains.")
+    return project, list(dict.fromkeys(labels))[:limit]
 
 
-def _measure_mesh(source: Path, unit: str | None, csv_file: Path | None, as_json: bool) -> None:
+def _measure_mesh(
+    source: Path, unit: str | None, axes: Axes, surface: Surface, detail: bool
+) -> tuple[Any, dict[str, Any]]:
     import trimesh
 
-    from mbstudio.core.metrics import measure as measure_body
+    from mbstudio.core.populations import measure_population
 
     if not source.is_file():
         raise MbstudioError(f"{source} is not there: check the name and the folder.")
     try:
         mesh: Any = trimesh.load(source, force="mesh")
-        factors = measure_body(mesh, unit=unit).as_dict()
-    except MbstudioError as error:
-        raise type(error)(f"{source}: {error}") from error
     except (ValueError, IndexError, KeyError, TypeError) as error:  # trimesh's readers let these through
         raise MeasureError(f"{source} cannot be read as a mesh ({error}): export it again.") from error
+    found = measure_population(
+        [mesh], name=source.name, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=0
+    )
+    if found.failures:
+        raise MeasureError(f"{source}: {found.reasons[0]}")
+    table = found.table().drop(columns=["label", "not_measured"])
+    table.insert(0, "name", source.name)
+    factors = {name: float(column[0]) for name, column in found.factors.items()}
+    stated = {"unit": found.unit, "axes": found.axes, "surface": found.surface, "warning": found.warnings[0]}
+    return table, {"name": source.name, **factors, **stated}
+
+
+def _write(table: Any, csv_file: Path | None, parquet_file: Path | None) -> None:
     if csv_file is not None:
-        write_csv(csv_file, [{"name": source.name, **factors}])
-    if as_json:
-        console.print_json({"name": source.name, **factors})
-    else:
-        console.print_facts(f"Shape factors of {source.name}", factors)
+        write_csv(csv_file, table)
+    if parquet_file is not None:
+        write_parquet(parquet_file, table)
 
 
-def summarise(rows: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:
-    """Return medians over the grains: of the grains, of the avatars, and of the absolute error."""
-    import numpy as np
-
-    def median(key: str, name: str) -> float | None:
-        values = [abs(row[key][name]) for row in rows if key in row]
-        return float(np.median(values)) if values else None
-
-    return {
-        name: {
-            "grain": median("grain", name),
-            "avatar": median("avatar", name),
-            "error": median("relative_error", name),
-        }
-        for name in FACTORS
-    }
-
-
-def _print_rows(
-    source: Path, rows: list[dict[str, Any]], summary: dict[str, dict[str, float | None]]
-) -> None:
+def _print_rows(source: Path, rows: list[Row], summary: dict[str, dict[str, float | None]]) -> None:
     shown = ("volume", "sphericity", "circularity", "csf", "dns")
     table = [[row["label"], *(_with_error(row, name) for name in shown)] for row in rows[:ROWS_ON_SCREEN]]
+    has_avatars = any("avatar" in row for row in rows)
     if table:
-        headings = ["grain", *(f"{name} (avatar)" if "avatar" in rows[0] else name for name in shown)]
-        console.print_table(f"Grains of {source.name}, lengths in {rows[0]['unit']}", headings, table)
+        headings = ["grain", *(f"{name} (avatar)" if has_avatars else name for name in shown)]
+        console.print_table(
+            f"Grains of {source.name}, lengths in {rows[0]['unit']}, axes {rows[0]['axes']}", headings, table
+        )
     if len(rows) > ROWS_ON_SCREEN:
         print(f"... and {len(rows) - ROWS_ON_SCREEN} more: write them all with --csv FILE")
     medians = [
@@ -124,26 +196,6 @@ def _print_rows(
     console.print_table(f"Medians over {len(rows)} grains", ("", "grain", "avatar", "|error|"), medians)
 
 
-def _with_error(row: dict[str, Any], name: str) -> str:
+def _with_error(row: Row, name: str) -> str:
     cell = f"{row['grain'][name]:.4g}"
     return f"{cell} ({100 * row['relative_error'][name]:+.1f} %)" if "relative_error" in row else cell
-
-
-def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write rows, factors of the avatar and errors in columns of their own."""
-    from mbstudio.core.project.replacement import replacing
-
-    flat = []
-    for row in rows:
-        cells: dict[str, Any] = {}
-        for key, value in row.items():
-            if isinstance(value, dict):
-                cells.update({f"{key}_{name}": number for name, number in value.items()})
-            else:
-                cells[key] = value
-        flat.append(cells)
-    columns = list(dict.fromkeys(name for cells in flat for name in cells))
-    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, columns)
-        writer.writeheader()
-        writer.writerows(flat)

@@ -1,116 +1,156 @@
-"""Measuring many grains and their avatars, on several processes."""
+"""What the commands make of measured populations: rows, summaries and tables on the disk."""
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbstudio.cli import console
 from mbstudio.core.errors import MbstudioError
 
 if TYPE_CHECKING:
-    from mbstudio.core.grains import Grain
-    from mbstudio.core.metaball import Avatar
-    from mbstudio.core.metrics import ShapeFactors
+    import pandas as pd
+
+    from mbstudio.core.metrics.bodies import VoxelSurface
+    from mbstudio.core.metrics.measuring import AxisConvention
+    from mbstudio.core.populations import Population, ProjectPopulations
     from mbstudio.core.project import Project
-
-FACTORS = (
-    "volume",
-    "area",
-    "sphericity",
-    "circularity",
-    "csf",
-    "dn",
-    "ds",
-    "dns",
-    "shortest",
-    "intermediate",
-    "longest",
-)
-
-# Below this, starting processes takes longer than they save.
-FEWEST_FOR_PROCESSES = 12
 
 Row = dict[str, Any]
 
 
 def measure_grains(
-    project: Project, labels: list[int], unit: str | None = None, workers: int | None = None
-) -> tuple[list[Row], dict[int, str]]:
-    """Return one row a grain, and by label why others could not be measured.
+    project: Project,
+    labels: list[int],
+    *,
+    unit: str | None = None,
+    axes: AxisConvention = "obb",
+    surface: VoxelSurface = "crofton",
+    detail: bool = False,
+    workers: int | None = None,
+) -> ProjectPopulations:
+    """Measure grains and their avatars, showing how far it has come."""
+    from mbstudio.core.populations import measure_project
 
-    A row holds ``label``, ``unit``, ``grain`` (its factors), and with an avatar also
-    ``avatar`` and ``relative_error`` (avatar over grain, minus one). The rows come in the order
-    of `labels`, whatever the number of processes.
-    """
-    from mbstudio.cli.doctor import usable_cores
-
-    processes = usable_cores() if workers is None else workers
-    rows: dict[int, Row] = {}
-    failures: dict[int, str] = {}
     with console.progress("Measuring") as report:
-        in_processes = processes > 1 and len(labels) >= FEWEST_FOR_PROCESSES
-        measured = (
-            _on_processes(project, labels, unit, processes) if in_processes else _here(project, labels, unit)
+        return measure_project(
+            project,
+            labels,
+            unit=unit,
+            axes=axes,
+            surface=surface,
+            detail=detail,
+            workers=workers,
+            progress=report,
         )
-        for done, (label, row) in enumerate(measured, start=1):
-            if isinstance(row, str):
-                failures[label] = row
-            else:
-                rows[label] = row
-            report(done / len(labels), f"{done} of {len(labels)} grains")
-    return [rows[label] for label in labels if label in rows], failures
 
 
-def measure_pair(grain: Grain, avatar: Avatar | None, unit: str | None) -> Row | str:
-    """Return the row of one grain, or why it could not be measured."""
-    from mbstudio.core.metrics import measure as measure_body
+def rows_of(populations: ProjectPopulations) -> list[Row]:
+    """Return one row a grain.
 
-    try:
-        factors = measure_body(grain, unit=unit)
-        row: Row = {"label": grain.label, "unit": factors.unit, "grain": _plain(factors)}
-        if avatar is not None:
-            row["avatar"] = _plain(measure_body(avatar, unit=factors.unit))
-            row["relative_error"] = {name: row["avatar"][name] / row["grain"][name] - 1 for name in FACTORS}
-    except MbstudioError as error:
-        return str(error)
-    return row
-
-
-def _plain(measured: ShapeFactors) -> dict[str, float]:
-    return {name: float(getattr(measured, name)) for name in FACTORS}
-
-
-def _task(project: Project, label: int, unit: str | None) -> tuple[Grain, Avatar | None, str | None]:
-    assert project.grains is not None
-    fit = project.fits.get(label)
-    return project.grains.grain(label), fit.avatar if fit is not None else None, unit
+    A row holds ``label``, ``unit``, ``axes`` and, where measured, ``grain`` and ``avatar`` (their factors
+    and ``warning``) and ``relative_error`` (avatar over grain, minus one).
+    """
+    rows: list[Row] = []
+    grains, avatars = populations.grains, populations.avatars
+    places = {} if avatars is None else {int(label): place for place, label in enumerate(avatars.labels)}
+    for place, label in enumerate(grains.labels.tolist()):
+        row: Row = {"label": label, "unit": grains.unit, "axes": grains.axes}
+        if grains.measured[place]:
+            row["grain"] = _body(grains, place)
+        if avatars is not None and label in places and avatars.measured[places[label]]:
+            row["avatar"] = _body(avatars, places[label])
+        if "grain" in row and "avatar" in row:
+            row["relative_error"] = {
+                name: _over(row["avatar"][name], row["grain"][name]) for name in grains.factors
+            }
+        rows.append(row)
+    return rows
 
 
-def _here(project: Project, labels: list[int], unit: str | None) -> Iterator[tuple[int, Row | str]]:
-    for label in labels:
-        yield label, measure_pair(*_task(project, label, unit))
+def failures_of(populations: ProjectPopulations) -> dict[str, dict[int, str]]:
+    """Return why bodies could not be measured, by kind and label."""
+    given = (populations.grains, populations.avatars)
+    return {population.kind: population.failures for population in given if population is not None}
 
 
-def _on_processes(
-    project: Project, labels: list[int], unit: str | None, processes: int
-) -> Iterator[tuple[int, Row | str]]:
-    waiting = iter(labels)
-    running: dict[Future[Row | str], int] = {}
-    # Fresh processes: a fork would copy the threads' locks of the libraries in use.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context) as pool:
-        try:
-            while True:
-                # Grains are cut out of the label volume only when their turn is near.
-                for label in islice(waiting, 2 * processes - len(running)):
-                    running[pool.submit(measure_pair, *_task(project, label, unit))] = label
-                if not running:
-                    return
-                for done in wait(running, return_when=FIRST_COMPLETED).done:
-                    yield running.pop(done), done.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+def _body(population: Population, place: int) -> dict[str, Any]:
+    factors = {name: float(column[place]) for name, column in population.factors.items()}
+    return {**factors, "warning": population.warnings[place]}
+
+
+def _over(avatar: float, grain: float) -> float:
+    return avatar / grain - 1 if grain else float("nan")
+
+
+def summarise(rows: list[Row]) -> dict[str, dict[str, float | None]]:
+    """Return medians over the grains: of the grains, of the avatars, and of the absolute error."""
+    import numpy as np
+
+    names = next((list(row["grain"]) for row in rows if "grain" in row), [])
+
+    def median(key: str, name: str) -> float | None:
+        values = np.array([abs(row[key][name]) for row in rows if key in row])
+        values = values[np.isfinite(values)]
+        return float(np.median(values)) if len(values) else None
+
+    return {
+        name: {
+            "grain": median("grain", name),
+            "avatar": median("avatar", name),
+            "error": median("relative_error", name),
+        }
+        for name in names
+        if name != "warning"
+    }
+
+
+def table_of(populations: ProjectPopulations, project: Project) -> pd.DataFrame:
+    """Return one row a grain as a table: factors, their unit in the column, and what went wrong."""
+    import numpy as np
+
+    from mbstudio.core.metrics.factor_names import column_name
+
+    grains, avatars = populations.grains, populations.avatars
+    frame = grains.table().drop(columns=["unit", "axes"]).set_index("label").add_prefix("grain_")
+    if avatars is not None:
+        right = avatars.table().drop(columns=["unit", "axes"]).set_index("label").add_prefix("avatar_")
+        valid = {label: project.fits[label].verdict for label in avatars.labels.tolist()}
+        right["avatar_valid"] = [valid[label].valid for label in right.index]
+        right["avatar_not_valid"] = [" ".join(valid[label].reasons) for label in right.index]
+        frame = frame.join(right)
+        for name, column in ((name, column_name(name, grains.unit)) for name in grains.factors):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                errors = frame[f"avatar_{column}"] / frame[f"grain_{column}"] - 1
+            frame[f"relative_error_{name}"] = errors.where(np.isfinite(errors))
+    frame.insert(0, "axes", grains.axes)
+    frame.insert(0, "unit", grains.unit)
+    return frame.reset_index()
+
+
+def require_parquet() -> None:
+    """Refuse Parquet where nothing can write it, before the work begins."""
+    from importlib.util import find_spec
+
+    if find_spec("pyarrow") is None:
+        raise MbstudioError(
+            "Parquet files need pyarrow, which is not installed: run pip install 'mbstudio[parquet]', "
+            "or write the table with --csv."
+        )
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as CSV; what is not a number is an empty cell."""
+    from mbstudio.core.project.replacement import replacing
+
+    with replacing(path) as temporary:
+        table.to_csv(temporary, index=False, lineterminator="\r\n", encoding="utf-8")
+
+
+def write_parquet(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as Parquet."""
+    from mbstudio.core.project.replacement import replacing
+
+    require_parquet()
+    with replacing(path) as temporary:
+        table.to_parquet(temporary, index=False, engine="pyarrow")

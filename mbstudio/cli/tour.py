@@ -115,12 +115,11 @@ class _Steps:
         self.summary.update(figures)
 
     def _measure(self, project: Any) -> None:
-        from mbstudio.cli.measure import summarise, write_csv
-        from mbstudio.cli.measuring import measure_grains
+        from mbstudio.cli.measuring import measure_grains, rows_of, summarise, table_of, write_csv
 
-        rows, _ = measure_grains(project, sorted(project.fits), workers=self.workers)
-        write_csv(self.folder / "factors.csv", rows)
-        for name, medians in summarise(rows).items():
+        populations = measure_grains(project, sorted(project.fits), workers=self.workers)
+        write_csv(self.folder / "factors.csv", table_of(populations, project))
+        for name, medians in summarise(rows_of(populations)).items():
             if name in ("sphericity", "circularity", "csf"):
                 self.summary[f"median_{name}"] = medians["grain"]
                 error = medians["error"]

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import queue
-import subprocess
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO, cast
+from typing import Any
 
 import numpy as np
 
-from mbstudio.core.batch.messages import child_command, child_environment
+from mbstudio.core.batch.processes import Child, Crew, usable_cores
 from mbstudio.core.batch.worker import receive_answer, run_task, send_task
 from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult, Method
 
-_ONE_THREAD = {
-    "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
-}  # fmt: skip
 _Answer = tuple[FitResult | None, str | None]
 
 
@@ -46,13 +40,6 @@ class BatchItem:
 def grain_seed(seed: int, label: int) -> int:
     """Return the seed of one grain of a batch: the same whatever the order and the number of processes."""
     return int(np.random.SeedSequence([seed, label]).generate_state(1)[0])
-
-
-def usable_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def fit_many(
@@ -178,116 +165,27 @@ def _in_this_thread(tasks: _Tasks) -> Iterator[BatchItem]:
         )
 
 
-class _Worker:
-    """One process and the pipes to it."""
+class _Worker(Child):
+    """A process that fits."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            child_command("mbstudio.core.batch.worker"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=child_environment(**_ONE_THREAD),
-        )
+        super().__init__("mbstudio.core.batch.worker")
 
     def fit(self, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]) -> _Answer:
-        send_task(cast(BinaryIO, self._process.stdin), grain, n, method, seed, options)
-        return receive_answer(cast(BinaryIO, self._process.stdout))
-
-    def kill(self) -> None:
-        """End the process without waiting for its grain."""
-        self._process.kill()
-
-    def close(self) -> int:
-        """Let the process end by itself, or see that it has; return its exit code."""
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                try:
-                    pipe.close()
-                except BrokenPipeError:  # it died with a message half sent: that grain is lost anyway
-                    continue
-        return self._process.wait()
-
-
-class _Crew:
-    """Threads that each feed one process, and the queue of what comes back."""
-
-    def __init__(self, tasks: _Tasks, size: int) -> None:
-        self.tasks = tasks
-        self.done: queue.Queue[BatchItem | BaseException] = queue.Queue(maxsize=4 * size)
-        self._stop = threading.Event()
-        self._lock = threading.Lock()
-        self._workers: set[_Worker] = set()
-        self._threads = [
-            threading.Thread(target=self._feed, name=f"fit-{i}", daemon=True) for i in range(size)
-        ]
-        for thread in self._threads:
-            thread.start()
-
-    def _hire(self) -> _Worker | None:
-        with self._lock:
-            if self._stop.is_set():
-                return None
-            worker = _Worker()
-            self._workers.add(worker)
-            return worker
-
-    def _dismiss(self, worker: _Worker) -> int:
-        code = worker.close()
-        with self._lock:
-            self._workers.discard(worker)
-        return code
-
-    def _put(self, item: BatchItem | BaseException) -> None:
-        while not self._stop.is_set():
-            try:
-                self.done.put(item, timeout=0.2)
-                return
-            except queue.Full:  # the caller is in no hurry: wait with it
-                continue
-
-    def _feed(self) -> None:
-        worker: _Worker | None = None
-        try:
-            while not self._stop.is_set() and (label := self.tasks.next_label()) is not None:
-                worker = worker or self._hire()
-                if worker is None:
-                    return
-                try:
-                    grain = self.tasks.grain(label)
-                    seed = grain_seed(self.tasks.seed, label)
-                    tasks = self.tasks
-                    item = BatchItem(label, *worker.fit(grain, tasks.n, tasks.method, seed, tasks.options))
-                except MbstudioError as error:
-                    item = BatchItem(label, None, str(error))
-                except (EOFError, OSError):
-                    code, worker = self._dismiss(worker), None
-                    item = BatchItem(
-                        label, None, f"Grain {label}: the process that fitted it ended with code {code}."
-                    )
-                self._put(item)
-        except BaseException as error:  # raised again where the batch is driven
-            self._put(error)
-        finally:
-            if worker is not None:
-                self._dismiss(worker)
-
-    def end(self) -> None:
-        """End all processes and threads, whatever they are at."""
-        with self._lock:
-            self._stop.set()
-            for worker in self._workers:
-                worker.kill()
-        for thread in self._threads:
-            thread.join()
+        send_task(self.requests, grain, n, method, seed, options)
+        return receive_answer(self.answers)
 
 
 def _on_processes(tasks: _Tasks, size: int) -> Iterator[BatchItem]:
-    crew = _Crew(tasks, size)
-    try:
-        for _ in range(tasks.count):
-            item = crew.done.get()
-            if isinstance(item, BaseException):
-                raise item
-            yield item
-    finally:
-        crew.end()
+    def fit(worker: _Worker, label: int) -> BatchItem:
+        try:
+            grain = tasks.grain(label)
+        except MbstudioError as error:
+            return BatchItem(label, None, str(error))
+        seed = grain_seed(tasks.seed, label)
+        return BatchItem(label, *worker.fit(grain, tasks.n, tasks.method, seed, tasks.options))
+
+    def lost(label: int, code: int) -> BatchItem:
+        return BatchItem(label, None, f"Grain {label}: the process that fitted it ended with code {code}.")
+
+    return Crew(_Worker, tasks.next_label, fit, lost, size).items(tasks.count)

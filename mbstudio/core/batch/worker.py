@@ -10,49 +10,21 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any, BinaryIO
 
-import numpy as np
-
+from mbstudio.core.batch.body_messages import grain_message, grain_of
 from mbstudio.core.batch.messages import receive, send
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.steps import FitResult, Verdict
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.units import VoxelSize
 
 
 def send_task(
     stream: BinaryIO, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]
 ) -> None:
     """Ask for one fit; the mask travels as packed bits."""
-    mask = np.asarray(grain.mask).astype(bool)
-    head = {
-        "shape": mask.shape,
-        "voxel_size": asdict(grain.voxel_size),
-        "origin": grain.origin,
-        "label": grain.label,
-        "touches_border": grain.touches_border,
-        "name": grain.name,
-        "filled_voxels": grain.filled_voxels,
-        "n": n,
-        "method": method,
-        "seed": seed,
-        "options": dict(options),
-    }
-    send(stream, head, {"bits": np.packbits(mask)})
-
-
-def _grain_of(head: dict[str, Any], bits: np.ndarray) -> Grain:
-    shape = tuple(head["shape"])
-    mask = np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)
-    return Grain(
-        mask,
-        VoxelSize(**head["voxel_size"]),
-        tuple(head["origin"]),
-        head["label"],
-        head["touches_border"],
-        head["name"],
-        head["filled_voxels"],
-    )
+    described, arrays = grain_message(grain)
+    asked = {"n": n, "method": method, "seed": seed, "options": dict(options)}
+    send(stream, {**described, **asked}, arrays)
 
 
 def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
@@ -133,5 +105,5 @@ def serve() -> None:
             head, arrays = receive(requests)
         except EOFError:
             return
-        grain = _grain_of(head, arrays["bits"])
+        grain = grain_of(head, arrays)
         _send_answer(answers, *run_task(grain, head["n"], head["method"], head["seed"], head["options"]))

@@ -1,0 +1,76 @@
+"""Grains, avatars and meshes as messages between processes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbstudio.core.grains.grain import Grain
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.units import VoxelSize
+
+if TYPE_CHECKING:
+    import trimesh
+
+Message = tuple[dict[str, Any], dict[str, np.ndarray]]
+
+
+def grain_message(grain: Grain) -> Message:
+    """Return head and arrays of a grain; the mask travels as packed bits."""
+    mask = np.asarray(grain.mask).astype(bool)
+    head = {
+        "shape": mask.shape,
+        "voxel_size": asdict(grain.voxel_size),
+        "origin": grain.origin,
+        "label": grain.label,
+        "touches_border": grain.touches_border,
+        "name": grain.name,
+        "filled_voxels": grain.filled_voxels,
+    }
+    return head, {"bits": np.packbits(mask)}
+
+
+def grain_of(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> Grain:
+    """Return the grain of a message."""
+    shape = tuple(head["shape"])
+    mask = np.unpackbits(arrays["bits"], count=int(np.prod(shape))).reshape(shape).astype(bool)
+    return Grain(
+        mask,
+        VoxelSize(**head["voxel_size"]),
+        tuple(head["origin"]),
+        head["label"],
+        head["touches_border"],
+        head["name"],
+        head["filled_voxels"],
+    )
+
+
+def body_message(body: Grain | Avatar | trimesh.Trimesh) -> Message:
+    """Return head and arrays of any body that can be measured."""
+    if isinstance(body, Grain):
+        head, arrays = grain_message(body)
+        return {"body": "grain", **head}, arrays
+    if isinstance(body, Avatar):
+        head = {"body": "avatar", "unit": body.unit, "label": body.label, "name": body.name}
+        return head, {"centers": body.centers, "weights": body.weights}
+    return {"body": "mesh", "unit": body.units}, {
+        "vertices": np.asarray(body.vertices, dtype=np.float64),
+        "faces": np.asarray(body.faces, dtype=np.int64),
+    }
+
+
+def body_of(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> Grain | Avatar | trimesh.Trimesh:
+    """Return the body of a message."""
+    if head["body"] == "grain":
+        return grain_of(head, arrays)
+    if head["body"] == "avatar":
+        return Avatar(arrays["centers"], arrays["weights"], head["unit"], head["label"], head["name"])
+    import trimesh
+
+    # As it was sent: what is wrong with it is for the measurement to find.
+    mesh = trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False)
+    if head["unit"] is not None:  # trimesh would take None for a name
+        mesh.units = head["unit"]
+    return mesh

@@ -1,0 +1,23 @@
+"""Populations of bodies: measured alike, their distributions, compared."""
+
+from mbstudio.core.populations.comparison import PAPER_FACTORS, FactorComparison, compare, relative_errors
+from mbstudio.core.populations.distributions import (
+    Cdf,
+    Density,
+    bin_edges,
+    cumulative,
+    histogram,
+    kernel_density,
+    moments,
+)
+from mbstudio.core.populations.form import FormDiagram, sneed_folk_diagram, zingg_diagram
+from mbstudio.core.populations.measuring import ProjectPopulations, measure_population, measure_project
+from mbstudio.core.populations.population import Population
+from mbstudio.core.populations.sieving import SizeDistribution, size_distribution, standard_sieves
+
+__all__ = [
+    "PAPER_FACTORS", "Cdf", "Density", "FactorComparison", "FormDiagram", "Population", "ProjectPopulations",
+    "SizeDistribution", "bin_edges", "compare", "cumulative", "histogram", "kernel_density",
+    "measure_population", "measure_project", "moments", "relative_errors", "size_distribution",
+    "sneed_folk_diagram", "standard_sieves", "zingg_diagram",
+]  # fmt: skip
