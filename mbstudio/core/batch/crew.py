@@ -18,6 +18,7 @@ from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult, Method
+from mbstudio.core.imaging.target import FitTarget
 
 _ONE_THREAD = {
     "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
@@ -64,6 +65,7 @@ def fit_many(
     seed: int = 0,
     workers: int | None = None,
     options: Mapping[str, Any] | None = None,
+    target: str | FitTarget | None = None,
 ) -> Iterator[BatchItem]:
     """Fit many grains; yield each as it is done.
 
@@ -81,6 +83,8 @@ def fit_many(
         Processes, each on one core; all usable cores by default. 0 fits in the calling thread.
     options : mapping, optional
         Options of the method.
+    target : str or FitTarget, optional
+        What each avatar is to reach with as few control points as may be, instead of `n`.
 
     Yields
     ------
@@ -90,7 +94,8 @@ def fit_many(
     Raises
     ------
     FitError
-        If n, the method or an option can fit no grain at all; a single grain's error is in its item.
+        If n, the target, the method or an option can fit no grain at all; a single grain's error is in
+        its item.
     """
     settings = dict(options or {})
     source: GrainSet | _ByLabel
@@ -101,6 +106,7 @@ def fit_many(
         names = [place if grain.label is None else grain.label for place, grain in enumerate(grains)]
         chosen = names if labels is None else [int(label) for label in labels]
         source = _ByLabel(dict(zip(names, grains, strict=True)))
+    aims = str(FitTarget.parse(target)) if target else ""
     _check(n, method, settings)
     if workers is None:
         workers = usable_cores()
@@ -108,7 +114,7 @@ def fit_many(
         raise FitError(
             f"{workers} processes cannot fit anything: give 1 or more, or 0 for the calling thread."
         )
-    tasks = _Tasks(source, chosen, n, method, seed, settings)
+    tasks = _Tasks(source, chosen, n, method, seed, settings, aims)
     if workers == 0:
         return _in_this_thread(tasks)
     return _on_processes(tasks, min(workers, max(1, len(chosen))))
@@ -151,11 +157,16 @@ class _Tasks:
         method: str,
         seed: int,
         options: dict[str, Any],
+        target: str,
     ) -> None:
         self._grains, self._labels = grains, iter(labels)
         self.count = len(labels)
-        self.n, self.method, self.seed, self.options = n, method, seed, options
+        self.n, self.method, self.seed, self.options, self.target = n, method, seed, options, target
         self._lock = threading.Lock()
+
+    def of(self, label: int) -> tuple[int, str, int, dict[str, Any], str]:
+        """Return what a worker is told of a grain beside the grain."""
+        return self.n, self.method, grain_seed(self.seed, label), self.options, self.target
 
     def next_label(self) -> int | None:
         with self._lock:
@@ -173,9 +184,7 @@ def _in_this_thread(tasks: _Tasks) -> Iterator[BatchItem]:
         except MbstudioError as error:
             yield BatchItem(label, None, str(error))
             continue
-        yield BatchItem(
-            label, *run_task(grain, tasks.n, tasks.method, grain_seed(tasks.seed, label), tasks.options)
-        )
+        yield BatchItem(label, *run_task(grain, *tasks.of(label)))
 
 
 class _Worker:
@@ -189,8 +198,8 @@ class _Worker:
             env=child_environment(**_ONE_THREAD),
         )
 
-    def fit(self, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]) -> _Answer:
-        send_task(cast(BinaryIO, self._process.stdin), grain, n, method, seed, options)
+    def fit(self, grain: Grain, *task: Any) -> _Answer:
+        send_task(cast(BinaryIO, self._process.stdin), grain, *task)
         return receive_answer(cast(BinaryIO, self._process.stdout))
 
     def kill(self) -> None:
@@ -254,9 +263,7 @@ class _Crew:
                     return
                 try:
                     grain = self.tasks.grain(label)
-                    seed = grain_seed(self.tasks.seed, label)
-                    tasks = self.tasks
-                    item = BatchItem(label, *worker.fit(grain, tasks.n, tasks.method, seed, tasks.options))
+                    item = BatchItem(label, *worker.fit(grain, *self.tasks.of(label)))
                 except MbstudioError as error:
                     item = BatchItem(label, None, str(error))
                 except (EOFError, OSError):

@@ -21,7 +21,13 @@ from mbstudio.core.units import VoxelSize
 
 
 def send_task(
-    stream: BinaryIO, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]
+    stream: BinaryIO,
+    grain: Grain,
+    n: int,
+    method: str,
+    seed: int,
+    options: Mapping[str, Any],
+    target: str = "",
 ) -> None:
     """Ask for one fit; the mask travels as packed bits."""
     mask = np.asarray(grain.mask).astype(bool)
@@ -37,6 +43,7 @@ def send_task(
         "method": method,
         "seed": seed,
         "options": dict(options),
+        "target": target,
     }
     send(stream, head, {"bits": np.packbits(mask)})
 
@@ -65,7 +72,7 @@ def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
     verdict = Verdict(**{**head["verdict"], **told})
     return FitResult(
         avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"],
-        head["options"],
+        head["options"], head["target"], head["reached"],
     ), None  # fmt: skip
 
 
@@ -84,6 +91,8 @@ def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) 
         "n": result.n,
         "seed": result.seed,
         "options": dict(result.options),
+        "target": result.target,
+        "reached": dict(result.reached),
     }
     arrays = {
         "centers": avatar.centers,
@@ -95,19 +104,19 @@ def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) 
 
 
 def run_task(
-    grain: Grain, n: int, method: str, seed: int, options: dict[str, Any]
+    grain: Grain, n: int, method: str, seed: int, options: dict[str, Any], target: str = ""
 ) -> tuple[FitResult | None, str | None]:
     """Fit one grain; return the result, or what went wrong: one bad grain must not end a batch.
 
     A grain that holds at least half of n control points, but not n, gets as many as it can hold:
-    a scan always has fragments among its grains.
+    a scan always has fragments among its grains. With a target the number is looked for.
     """
     from mbstudio.core.imaging import fit
     from mbstudio.core.imaging.run import TooManyControlPoints
 
     try:
         try:
-            return fit(grain, n, method, seed, **options), None  # type: ignore[arg-type]
+            return fit(grain, n, method, seed, target=target, **options), None  # type: ignore[arg-type]
         except TooManyControlPoints as error:
             if 2 * error.most < n:
                 raise
@@ -134,4 +143,5 @@ def serve() -> None:
         except EOFError:
             return
         grain = _grain_of(head, arrays["bits"])
-        _send_answer(answers, *run_task(grain, head["n"], head["method"], head["seed"], head["options"]))
+        task = (head["n"], head["method"], head["seed"], head["options"], head["target"])
+        _send_answer(answers, *run_task(grain, *task))
