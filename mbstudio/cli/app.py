@@ -19,6 +19,7 @@ from mbstudio.cli.fit import fit
 from mbstudio.cli.gui import gui
 from mbstudio.cli.measure import measure
 from mbstudio.cli.segment import segment
+from mbstudio.cli.sweep import sweep
 from mbstudio.cli.tour import tour
 from mbstudio.core.errors import MbstudioError
 
@@ -33,7 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (gui, tour, segment, fit, measure, export, figures, doctor):
+for command in (gui, tour, segment, fit, sweep, measure, export, figures, doctor):
     app.command()(command)
 
 

@@ -212,7 +212,7 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
         project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers,
         options=settings.options, target=settings.target,
     )  # fmt: skip
-    with console.progress("Fitting") as report, _terminate_as_interrupt():
+    with console.progress("Fitting") as report, terminate_as_interrupt():
         try:
             for done, item in enumerate(items, start=1):
                 if item.result is not None:
@@ -230,7 +230,7 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
 
 
 @contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
+def terminate_as_interrupt() -> Iterator[None]:
     """Let the signal that batch systems send before they kill a job stop it as Ctrl-C does."""
 
     def stop(_number: int, _frame: Any) -> None:

@@ -38,6 +38,7 @@ class _Panel:
     title: str
     shown: tuple[tuple[str, str], ...]
     axis: str = "Relative error (%)"
+    dashed: int = 4  # from which line on: pairs that lie over each other stay apart
 
 
 _PANELS = (
@@ -59,9 +60,10 @@ _PANELS = (
          ("sneed_folk", "Sneed & Folk")),
     ),
     _Panel(
-        "Elongation and flatness",
+        "Elongation and flatness (0 for a ball)",
         (("potticary_elongation", "el., Potticary"), ("potticary_flatness", "fl., Potticary"),
          ("angelidakis_elongation", "el., Angelidakis"), ("angelidakis_flatness", "fl., Angelidakis")),
+        dashed=2,
     ),
     _Panel("Cost", (("seconds", "CPU time of a fit"),), "Seconds"),
 )  # fmt: skip
@@ -124,7 +126,8 @@ def _value_of(name: str) -> _Value:
 
 def _draw(axes: Axes, panel: _Panel, rows: Sequence[SweepRow]) -> None:
     several = len({row.label for row in rows}) > 1
-    for (name, label), colour, mark in zip(panel.shown, _COLOURS, _MARKS, strict=False):
+    for index, (name, label) in enumerate(panel.shown):
+        colour, mark, style = _COLOURS[index], _MARKS[index], "-" if index < panel.dashed else (0, (4, 3))
         found = quantiles_of(rows, _value_of(name), (0.25, 0.5, 0.75))
         if not found:
             continue
@@ -132,7 +135,10 @@ def _draw(axes: Axes, panel: _Panel, rows: Sequence[SweepRow]) -> None:
         low, middle, high = np.array(list(found.values())).T
         if several:
             axes.fill_between(numbers, low, high, color=colour, alpha=0.13, linewidth=0)
-        axes.plot(numbers, middle, color=colour, marker=mark, markersize=4.5, linewidth=1.7, label=label)
+        axes.plot(
+            numbers, middle, color=colour, marker=mark, markersize=4.5, linewidth=1.7, linestyle=style,
+            label=label,
+        )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")
     _mark_numbers(axes, sorted({row.n for row in rows}))
@@ -171,7 +177,5 @@ def _widen(axes: Axes) -> None:
         axes.set_ylim(low, high)
     decades = np.log10(high / low)
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,), numticks=20))
-    axes.yaxis.set_major_formatter(
-        lambda value, _place: f"{value:.3g}" if 1e-3 <= value < 1e4 else f"{value:.0e}"
-    )
+    axes.yaxis.set_major_formatter(lambda value, _place: f"{value:,.0f}" if value >= 1000 else f"{value:.3g}")
     axes.yaxis.set_minor_formatter(NullFormatter())

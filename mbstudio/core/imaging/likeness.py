@@ -75,7 +75,8 @@ class Likeness:
         """Return the Hausdorff distance of the two surfaces over the grain's D_n.
 
         The grain's surface is its lightly smoothed one: that of the voxels has steps, which would count
-        as an error of half a voxel and more.
+        as an error of half a voxel and more. It lies up to half a voxel off a smooth body itself: less than
+        that cannot be told from the voxels.
         """
         mesh = avatar.to(self.grain.unit).mesh(_MESH_CELLS)
         ours = np.asarray(mesh.vertices), np.asarray(mesh.faces)

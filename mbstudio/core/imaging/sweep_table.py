@@ -67,6 +67,16 @@ def read_sweep(path: Path) -> list[SweepRow]:
         ) from error
 
 
+def joined(rows: Sequence[SweepRow], earlier: Sequence[SweepRow]) -> list[SweepRow]:
+    """Return rows, then those of an earlier table that they do not replace."""
+
+    def key(row: SweepRow) -> tuple[Any, ...]:
+        return row.label, row.n, row.method, row.seed, json.dumps(dict(row.options), default=asdict)
+
+    replaced = {key(row) for row in rows}
+    return [*rows, *(row for row in earlier if key(row) not in replaced)]
+
+
 def _row_of(cells: dict[str, str]) -> SweepRow:
     numbers = ("loss", "rms", "volume_error", "iou", "hausdorff", "seconds")
     errors = {

@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from mbstudio.core.errors import FitError, MbstudioError
-from mbstudio.core.imaging.likeness import Likeness
 from mbstudio.core.imaging.steps import FitResult
+
+if TYPE_CHECKING:
+    from mbstudio.core.imaging.likeness import Likeness
 
 MOST_CONTROL_POINTS = 320
 OVERLAP = "iou"
