@@ -31,6 +31,7 @@ def sweep(
         str | None,
         typer.Option("--grains", metavar="1,5,9", help="Only these labels (1-20 is a range)."),
     ] = None,
+    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only so many grains.")] = None,
     n: Annotated[str, typer.Option("-n", "--n", metavar="10,20,40", help="Control points to try.")] = NUMBERS,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Table as CSV, one row a fit.")
@@ -80,7 +81,7 @@ def sweep(
     settings = inputs.segmentation_options(splitting, smallest, threshold)
     scan_options = (voxel_size, shape, dtype, header_bytes, big_endian)
     found = _grains_of(source, unit, resolution, scan_options, settings)
-    labels = _labels(found, inputs.numbers_in(grains, "--grains"))
+    labels = _labels(found, inputs.numbers_in(grains, "--grains"))[:limit]
     work = Sweep(
         _cut_out(found, labels), numbers, method, seed, done=done, **options  # type: ignore[arg-type]
     )  # fmt: skip

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 VerticesFaces = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
-_MOST_NODES = 6_000_000
+_MOST_NODES = 30_000_000
 _MESH_CELLS = 96
 _NEAR_TRIANGLES = 16
 _CHUNK = 4_000
