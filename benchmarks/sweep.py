@@ -17,11 +17,11 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from grain_kinds import synthetic
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult, fit, start_fit
 from mbstudio.core.imaging.likeness import Likeness
+from mbstudio.scene.paper_figures import KINDS, typical_grain
 
 DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
 NUMBERS = (10, 20, 40, 80, 160)
@@ -34,13 +34,13 @@ TARGETS = (
 )
 
 
-def continued(side: int = 90, count: int = 3) -> None:
+def continued(diameter: float = 60.0, seeds: tuple[int, ...] = (7, 8)) -> None:
     """Compare a fresh fit with one that goes on from half as many points, at the same n."""
     ratios: dict[int, list[tuple[float, ...]]] = {n: [] for n in NUMBERS[1:]}
-    for known in synthetic(side, count):
-        likeness, run = Likeness(known.grain), start_fit(known.grain, NUMBERS[0])
+    for grain in (typical_grain(kind, diameter, seed) for kind in KINDS for seed in seeds):
+        likeness, run = Likeness(grain), start_fit(grain, NUMBERS[0])
         for n in NUMBERS:
-            fresh, fresh_seconds = _timed(lambda n=n, grain=known.grain: fit(grain, n))
+            fresh, fresh_seconds = _timed(lambda n=n, grain=grain: fit(grain, n))
             kept, kept_seconds = _timed(lambda n=n, run=run: _gone_on(run, n))
             if n in ratios:
                 ratios[n].append(
@@ -50,7 +50,7 @@ def continued(side: int = 90, count: int = 3) -> None:
                         kept_seconds / fresh_seconds,
                     )
                 )
-    print(f"\n### Gone on with, over fresh: median (least, largest) of {4 * count} grains\n")
+    print(f"\n### Gone on with, over fresh: median (least, largest) of {len(KINDS) * len(seeds)} grains\n")
     print("| n | rms | Hausdorff | CPU time |\n|---|---|---|---|")
     for n, found in ratios.items():
         cells = [f"{np.median(one):.2f} ({min(one):.2f}, {max(one):.2f})" for one in zip(*found, strict=True)]

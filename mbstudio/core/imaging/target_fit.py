@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.likeness import Likeness
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
@@ -95,6 +96,7 @@ class TargetFit:
         self._run: StepRun | None = None
         self._best: _Tried | None = None
         self._held: int | None = None
+        self._failure: FitError | None = None
         self._given_up = False
         self._ended = False
         self._steps: Iterator[SearchStep] = self._all_steps()
@@ -159,11 +161,18 @@ class TargetFit:
             except TooManyControlPoints as error:
                 self._held = self._numbers.most = error.most
                 continue
+            except FitError as error:  # one number that cannot be fitted must not end the search
+                self._failure = error
+                self._numbers.tell(n, will_do=False)
+                before = f"n = {n} could not be fitted: {error}"
+                continue
             tried = self._tried(run)
             self._numbers.tell(n, will_do=tried.is_met)
             before = f"n = {n} {'reached' if tried.is_met else 'missed'} the target: {self._told(tried)}"
             if tried.is_better_than(self._best):
                 self._best = tried
+        if self._best is None and self._failure is not None:
+            raise self._failure
         self._ended = True
 
     def _new_run(self, n: int) -> StepRun:

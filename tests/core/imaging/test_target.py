@@ -7,7 +7,8 @@ import pytest
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging import FitTarget, fit, start_fit
+from mbstudio.core.imaging import FitTarget, fast, fit, start_fit
+from mbstudio.core.imaging.fast import FastFit
 from mbstudio.core.imaging.target import Aim
 from mbstudio.core.imaging.target_fit import SmallestNumber
 from mbstudio.core.units import VoxelSize
@@ -178,3 +179,28 @@ def test_the_paper_method_takes_targets(ellipsoid_grain: Grain) -> None:
     )  # fmt: skip
     assert result.method == "paper"
     assert result.reached["volume"] <= 0.04
+
+
+class Failing(FastFit):
+    """Fits that fail with up to so many control points."""
+
+    fails_up_to = 0
+
+    def _begin_at(self, control: np.ndarray) -> float:
+        if self.n <= self.fails_up_to:
+            raise FitError("The search's equations cannot be solved.")
+        return super()._begin_at(control)
+
+
+def test_a_number_that_cannot_be_fitted_does_not_end_the_search(ellipsoid_grain, monkeypatch) -> None:
+    monkeypatch.setattr(fast, "FastFit", Failing)
+    monkeypatch.setattr(Failing, "fails_up_to", 13)
+    notes: list[str] = []
+    found = fit(
+        ellipsoid_grain, target="rms 5 %", on_step=lambda step: notes.append(step.note), generations=5
+    )
+    assert found.n == 14
+    assert any("n = 10 could not be fitted: The search's equations" in note for note in notes)
+    monkeypatch.setattr(Failing, "fails_up_to", 50)
+    with pytest.raises(FitError, match="equations cannot be solved"):
+        fit(ellipsoid_grain, target="rms 5 % and n 40", generations=5)
