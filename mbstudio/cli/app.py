@@ -20,6 +20,7 @@ from mbstudio.cli.gui import gui
 from mbstudio.cli.measure import measure
 from mbstudio.cli.report import report
 from mbstudio.cli.segment import segment
+from mbstudio.cli.sweep import sweep
 from mbstudio.cli.tour import tour
 from mbstudio.core.errors import MbstudioError
 
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (gui, tour, segment, fit, measure, report, export, figures, doctor):
+for command in (gui, tour, segment, fit, sweep, measure, report, export, figures, doctor):
     app.command()(command)
 
 

@@ -49,6 +49,14 @@ def fit(
         str,
         typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar."),
     ] = "fill",
+    target: Annotated[
+        str | None,
+        typer.Option(
+            "--target",
+            metavar="WORDS",
+            help="As few control points as reach this, instead of -n: 'volume 0.5 % and hausdorff 2 %'.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
     workers: inputs.WorkersOption = None,
     grains: Annotated[
@@ -83,10 +91,12 @@ def fit(
     """
     from mbstudio.core.grains import Grain
     from mbstudio.core.imaging.options import read_options
+    from mbstudio.core.imaging.target import FitTarget
     from mbstudio.core.project import FitSettings, Project
 
     begun = time.monotonic()
     options = read_options(method, [f"cavities={cavities}", *(option or ())])  # type: ignore[arg-type]
+    aims = str(FitTarget.parse(target)) if target is not None else ""
     output = _choose_output(source, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold)
     if inputs.is_mesh(source):
@@ -103,7 +113,8 @@ def fit(
     if project.grains is None or labels is not None or settings:
         inputs.find_grains(project, labels, settings)
     assert project.grains is not None
-    project.change("Fit settings", fit_settings=FitSettings(n, method, seed, options))  # type: ignore[arg-type]
+    wanted = FitSettings(n, method, seed, options, aims)  # type: ignore[arg-type]
+    project.change("Fit settings", fit_settings=wanted)
 
     chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
     outcome = fit_into(project, chosen, workers)
@@ -124,7 +135,7 @@ def fit(
     for label, told in list(warned.items())[:5]:
         console.tell(f"mbstudio: grain {label}: {' '.join(told)}")
     if len(warned) > 5:
-        console.tell(f"mbstudio: and {len(warned) - 5} more grains with cavities.")
+        console.tell(f"mbstudio: and {len(warned) - 5} more grains with warnings.")
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(f"mbstudio: interrupted with {left} grains to go: fit {output} to go on.")
@@ -185,7 +196,8 @@ def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
 
     # The window fits single grains with the seed itself, a batch with one made of it.
     seeds = (settings.seed, grain_seed(settings.seed, label))
-    same = done.n == settings.n and done.method == settings.method and done.seed in seeds
+    same_number = done.target == settings.target and (bool(done.target) or done.n == settings.n)
+    same = same_number and done.method == settings.method and done.seed in seeds
     return same and dict(done.options) == dict(settings.options)
 
 
@@ -198,9 +210,9 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
     assert project.grains is not None
     items: Any = fit_many(
         project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers,
-        options=settings.options,
+        options=settings.options, target=settings.target,
     )  # fmt: skip
-    with console.progress("Fitting") as report, _terminate_as_interrupt():
+    with console.progress("Fitting") as report, terminate_as_interrupt():
         try:
             for done, item in enumerate(items, start=1):
                 if item.result is not None:
@@ -218,7 +230,7 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
 
 
 @contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
+def terminate_as_interrupt() -> Iterator[None]:
     """Let the signal that batch systems send before they kill a job stop it as Ctrl-C does."""
 
     def stop(_number: int, _frame: Any) -> None:
@@ -237,10 +249,17 @@ def summarise(
     """Return the figures of a batch: how many, how true, how long."""
     import numpy as np
 
+    from mbstudio.core.imaging.target import FitTarget
+
     volume_of = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
     diameters = [np.cbrt(6 / np.pi * volume_of[label]) for label in fits]
     verdicts = [result.verdict for result in fits.values()]
     rms = [verdict.rms / diameter for verdict, diameter in zip(verdicts, diameters, strict=True)]
+    aimed = [result for result in fits.values() if result.target]
+    of_target = {
+        "reached_target": sum(FitTarget.parse(result.target).is_met(result.reached) for result in aimed),
+        "median_control_points": _median([result.n for result in aimed]),
+    }
     return {
         "grains": len(grains),
         "interior": len(grains.interior_labels),
@@ -251,6 +270,7 @@ def summarise(
         "with_voids": sum(verdict.voids > 0 for verdict in verdicts),
         "median_volume_error_percent": _median([100 * abs(verdict.volume_error) for verdict in verdicts]),
         "median_rms_percent_of_dn": _median([100 * ratio for ratio in rms]),
+        **(of_target if aimed else {}),
         "seconds": round(seconds, 1),
     }
 

@@ -15,6 +15,7 @@ from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult, Method
+from mbstudio.core.imaging.target import FitTarget
 
 _Answer = tuple[FitResult | None, str | None]
 
@@ -51,6 +52,7 @@ def fit_many(
     seed: int = 0,
     workers: int | None = None,
     options: Mapping[str, Any] | None = None,
+    target: str | FitTarget | None = None,
 ) -> Iterator[BatchItem]:
     """Fit many grains; yield each as it is done.
 
@@ -68,6 +70,8 @@ def fit_many(
         Processes, each on one core; all usable cores by default. 0 fits in the calling thread.
     options : mapping, optional
         Options of the method.
+    target : str or FitTarget, optional
+        What each avatar is to reach with as few control points as may be, instead of `n`.
 
     Yields
     ------
@@ -77,7 +81,8 @@ def fit_many(
     Raises
     ------
     FitError
-        If n, the method or an option can fit no grain at all; a single grain's error is in its item.
+        If n, the target, the method or an option can fit no grain at all; a single grain's error is in
+        its item.
     """
     settings = dict(options or {})
     source: GrainSet | _ByLabel
@@ -88,6 +93,7 @@ def fit_many(
         names = [place if grain.label is None else grain.label for place, grain in enumerate(grains)]
         chosen = names if labels is None else [int(label) for label in labels]
         source = _ByLabel(dict(zip(names, grains, strict=True)))
+    aims = str(FitTarget.parse(target)) if target else ""
     _check(n, method, settings)
     if workers is None:
         workers = usable_cores()
@@ -95,7 +101,7 @@ def fit_many(
         raise FitError(
             f"{workers} processes cannot fit anything: give 1 or more, or 0 for the calling thread."
         )
-    tasks = _Tasks(source, chosen, n, method, seed, settings)
+    tasks = _Tasks(source, chosen, n, method, seed, settings, aims)
     if workers == 0:
         return _in_this_thread(tasks)
     return _on_processes(tasks, min(workers, max(1, len(chosen))))
@@ -138,11 +144,16 @@ class _Tasks:
         method: str,
         seed: int,
         options: dict[str, Any],
+        target: str,
     ) -> None:
         self._grains, self._labels = grains, iter(labels)
         self.count = len(labels)
-        self.n, self.method, self.seed, self.options = n, method, seed, options
+        self.n, self.method, self.seed, self.options, self.target = n, method, seed, options, target
         self._lock = threading.Lock()
+
+    def of(self, label: int) -> tuple[int, str, int, dict[str, Any], str]:
+        """Return what a worker is told of a grain beside the grain."""
+        return self.n, self.method, grain_seed(self.seed, label), self.options, self.target
 
     def next_label(self) -> int | None:
         with self._lock:
@@ -160,9 +171,7 @@ def _in_this_thread(tasks: _Tasks) -> Iterator[BatchItem]:
         except MbstudioError as error:
             yield BatchItem(label, None, str(error))
             continue
-        yield BatchItem(
-            label, *run_task(grain, tasks.n, tasks.method, grain_seed(tasks.seed, label), tasks.options)
-        )
+        yield BatchItem(label, *run_task(grain, *tasks.of(label)))
 
 
 class _Worker(Child):
@@ -171,8 +180,8 @@ class _Worker(Child):
     def __init__(self) -> None:
         super().__init__("mbstudio.core.batch.worker")
 
-    def fit(self, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]) -> _Answer:
-        send_task(self.requests, grain, n, method, seed, options)
+    def fit(self, grain: Grain, *task: Any) -> _Answer:
+        send_task(self.requests, grain, *task)
         return receive_answer(self.answers)
 
 
@@ -182,8 +191,7 @@ def _on_processes(tasks: _Tasks, size: int) -> Iterator[BatchItem]:
             grain = tasks.grain(label)
         except MbstudioError as error:
             return BatchItem(label, None, str(error))
-        seed = grain_seed(tasks.seed, label)
-        return BatchItem(label, *worker.fit(grain, tasks.n, tasks.method, seed, tasks.options))
+        return BatchItem(label, *worker.fit(grain, *tasks.of(label)))
 
     def lost(label: int, code: int) -> BatchItem:
         return BatchItem(label, None, f"Grain {label}: the process that fitted it ended with code {code}.")

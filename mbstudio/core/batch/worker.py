@@ -19,11 +19,17 @@ from mbstudio.core.metaball.avatar import Avatar
 
 
 def send_task(
-    stream: BinaryIO, grain: Grain, n: int, method: str, seed: int, options: Mapping[str, Any]
+    stream: BinaryIO,
+    grain: Grain,
+    n: int,
+    method: str,
+    seed: int,
+    options: Mapping[str, Any],
+    target: str = "",
 ) -> None:
     """Ask for one fit; the mask travels as packed bits."""
     described, arrays = grain_message(grain)
-    asked = {"n": n, "method": method, "seed": seed, "options": dict(options)}
+    asked = {"n": n, "method": method, "seed": seed, "options": dict(options), "target": target}
     send(stream, {**described, **asked}, arrays)
 
 
@@ -37,7 +43,7 @@ def receive_answer(stream: BinaryIO) -> tuple[FitResult | None, str | None]:
     verdict = Verdict(**{**head["verdict"], **told})
     return FitResult(
         avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"],
-        head["options"],
+        head["options"], head["target"], head["reached"],
     ), None  # fmt: skip
 
 
@@ -56,6 +62,8 @@ def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) 
         "n": result.n,
         "seed": result.seed,
         "options": dict(result.options),
+        "target": result.target,
+        "reached": dict(result.reached),
     }
     arrays = {
         "centers": avatar.centers,
@@ -67,19 +75,19 @@ def _send_answer(stream: BinaryIO, result: FitResult | None, error: str | None) 
 
 
 def run_task(
-    grain: Grain, n: int, method: str, seed: int, options: dict[str, Any]
+    grain: Grain, n: int, method: str, seed: int, options: dict[str, Any], target: str = ""
 ) -> tuple[FitResult | None, str | None]:
     """Fit one grain; return the result, or what went wrong: one bad grain must not end a batch.
 
     A grain that holds at least half of n control points, but not n, gets as many as it can hold:
-    a scan always has fragments among its grains.
+    a scan always has fragments among its grains. With a target the number is looked for.
     """
     from mbstudio.core.imaging import fit
     from mbstudio.core.imaging.run import TooManyControlPoints
 
     try:
         try:
-            return fit(grain, n, method, seed, **options), None  # type: ignore[arg-type]
+            return fit(grain, n, method, seed, target=target, **options), None  # type: ignore[arg-type]
         except TooManyControlPoints as error:
             if 2 * error.most < n:
                 raise
@@ -105,5 +113,5 @@ def serve() -> None:
             head, arrays = receive(requests)
         except EOFError:
             return
-        grain = grain_of(head, arrays)
-        _send_answer(answers, *run_task(grain, head["n"], head["method"], head["seed"], head["options"]))
+        task = (head["n"], head["method"], head["seed"], head["options"], head["target"])
+        _send_answer(answers, *run_task(grain_of(head, arrays), *task))

@@ -151,7 +151,9 @@ class Refinement:
         *, filled: bool = True,
     ) -> None:  # fmt: skip
         """Add points that must lie inside the avatar, or outside it: the guard's answer to its faults."""
-        self._interior = np.hstack([self._interior, points.T.astype(np.float32)])
+        # A hair off the voxels' centres, where control points may lie: f has no value there.
+        places = points.T + 0.01 * self.prepared.voxel
+        self._interior = np.hstack([self._interior, places.astype(np.float32)])
         side = np.full(len(points), 1 if filled else -1, dtype=np.float32)
         self._interior_side = np.append(self._interior_side, side)
         self._interior = np.ascontiguousarray(self._interior)

@@ -119,6 +119,11 @@ class FitResult:
     seed : int
     options : mapping
         Those of the method's options that were not at their defaults, by name.
+    target : str
+        What the avatar was to reach, where that was asked for instead of a number of control points; `n`
+        is then the number that was found.
+    reached : mapping
+        What it has reached of the target, by measure: errors as shares, the overlap as it is.
     """
 
     avatar: Avatar
@@ -129,6 +134,8 @@ class FitResult:
     n: int
     seed: int
     options: Mapping[str, Any] = field(default_factory=dict)
+    target: str = ""
+    reached: Mapping[str, float] = field(default_factory=dict)
 
 
 class FitRun(Protocol):

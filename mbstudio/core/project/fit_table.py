@@ -42,10 +42,13 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("smallest_neck", "f8", lambda fit: _or_nan(fit.verdict.smallest_neck)),
     ("grain_genus", "i8", lambda fit: _or_unknown(fit.verdict.grain_genus)),
     ("options", _TEXT, lambda fit: json.dumps(dict(fit.options), default=asdict)),
+    ("target", _TEXT, lambda fit: fit.target),
+    ("reached", _TEXT, lambda fit: json.dumps(dict(fit.reached))),
 )
 # Columns that files written before them do not hold, and what stands for the missing values.
 _LATER: dict[str, Any] = {
-    "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "warnings": "", "options": "{}",
+    "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "warnings": "", "options": "{}", "target": "",
+    "reached": "{}",
 }  # fmt: skip
 
 
@@ -104,6 +107,8 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
             n=cells["n"],
             seed=cells["seed"],
             options=json.loads(cells["options"]),
+            target=cells["target"],
+            reached=json.loads(cells["reached"]),
         )
     return fits
 

@@ -39,12 +39,18 @@ class ScanReference:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What the next fit will use; `options` are those of the method that are not at their defaults."""
+    """What the next fit will use.
+
+    `options` are those of the method that are not at their defaults. With a `target` (see
+    :class:`~mbstudio.core.imaging.target.FitTarget`) the number of control points is looked for, and `n`
+    is not used.
+    """
 
     n: int = 40
     method: Method = "fast"
     seed: int = 0
     options: Mapping[str, Any] = field(default_factory=dict)
+    target: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -172,6 +172,7 @@ def test_works_from_a_bare_script_without_a_main_guard(tmp_path: Path) -> None:
         ({"method": "slow"}, "slow"),
         ({"options": {"speed": 9}}, "speed"),
         ({"workers": -1}, "-1"),
+        ({"target": "beauty 1 %"}, "beauty"),
     ],
 )
 def test_what_can_fit_no_grain_is_refused_at_once(
@@ -190,3 +191,17 @@ def test_options_reach_the_processes_and_come_back(grains: list[Grain]) -> None:
     assert dict(there.result.options) == dict(here.result.options) == options
     assert len(there.result.history) == 5
     np.testing.assert_array_equal(there.result.history, here.result.history)
+
+
+def test_targets_reach_the_processes_and_come_back(grains: list[Grain]) -> None:
+    words = "hausdorff 3 % and iou 0.9 and n 24"
+    (there,) = fit_many(grains, [13], target=words, workers=1)
+    (here,) = fit_many(grains, [13], target=words, workers=0)
+    assert there.result is not None
+    assert here.result is not None
+    assert there.result.target == here.result.target == words
+    assert list(there.result.reached) == ["hausdorff", "iou"]
+    assert dict(there.result.reached) == dict(here.result.reached)
+    assert there.result.reached["hausdorff"] <= 0.03
+    assert there.result.n == here.result.n <= 24
+    np.testing.assert_array_equal(there.result.avatar.weights, here.result.avatar.weights)

@@ -10,6 +10,7 @@ from mbstudio.core.imaging import start_fit
 from mbstudio.core.imaging.fast import FastFit
 from mbstudio.core.imaging.homotopy import differing_cells, is_simple, topology_errors
 from mbstudio.core.imaging.preprocess import prepare
+from mbstudio.core.imaging.refine import Refinement
 from mbstudio.core.metaball.topology import genus_of_voxels
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import grain_where
@@ -143,3 +144,15 @@ def test_handles_of_one_voxel_are_noise_but_a_ring_is_a_ring() -> None:
     noisy[9, [y - 2, y + 2], 4] = noisy[10, y - 1 : y + 2, 4] = True
     assert genus_of_voxels(np.pad(noisy, 1)) == 2
     assert prepare(Grain(noisy, MICROMETRE, (0.0, 0.0, 0.0))).genus == 1
+
+
+def test_a_place_to_be_left_empty_may_hold_a_control_point() -> None:
+    prepared = prepare(grain_where(lens, 24, MICROMETRE))
+    rim = np.argwhere(prepared.mask)[100][::-1] * prepared.spacing + prepared.origin
+    control = np.array([[*rim, 0.05], [0.1, 0.1, 0.1, 0.2]]).T
+    search = Refinement(prepared, control)
+    search.keep(rim[None], np.array([0.02]), weight=2.0, filled=False)
+    matrix, force = search.linearised()
+    assert np.isfinite(matrix).all()
+    assert np.isfinite(force).all()
+    assert search.advance()

@@ -40,6 +40,8 @@ def make_fit(label: int, n: int, rng: np.random.Generator) -> FitResult:
         n=n + 1,
         seed=17,
         options={"learning_rate": 0.1 + label / 3, "hull": "voxels", "common_factor": False},
+        target="iou 0.97 and volume 1 %",
+        reached={"iou": 0.9 + label / 100, "volume": 0.07},
     )
 
 
@@ -64,7 +66,7 @@ def grains() -> GrainSet:
 def state(grains, rng) -> ProjectState:
     fits = {7: make_fit(7, 3, rng), 2: make_fit(2, 5, rng)}
     return ProjectState(
-        grains=grains, fit_settings=FitSettings(25, "paper", 4, {"momentum": 0.1, "unit": "voxel"})
+        grains=grains, fit_settings=FitSettings(25, "paper", 4, {"momentum": 0.1, "unit": "voxel"}, "csf 2 %")
     ).with_fits(fits)
 
 

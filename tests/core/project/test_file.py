@@ -271,3 +271,15 @@ def test_constants_of_the_fast_search_are_written_as_a_record(tmp_path, state):
     changed = replace(state.fits[2], options={"refine": RefineSettings(noise=0.5)})
     write_project(tmp_path / "sand.mbs", state.with_fits({2: changed}))
     assert read_project(tmp_path / "sand.mbs").fits[2].options["refine"]["noise"] == 0.5
+
+
+def test_a_file_from_before_targets(tmp_path, state):
+    path = tmp_path / "old.mbs"
+    write_project(path, state)
+    with h5py.File(path, "r+") as file:
+        del file["fits/target"]
+        del file["fits/reached"]
+        del file["fit_settings"].attrs["target"]
+    old = read_project(path)
+    assert [(fit.target, dict(fit.reached)) for fit in old.fits.values()] == [("", {}), ("", {})]
+    assert old.fit_settings == replace(state.fit_settings, target="")

@@ -1,0 +1,127 @@
+"""Overlap and distance of bodies for which both follow from a formula."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from mbstudio.core.grains import Grain
+from mbstudio.core.imaging.likeness import Likeness, hausdorff_distance, voxel_iou
+from mbstudio.core.metaball import Avatar
+from mbstudio.core.units import VoxelSize
+from tests.core.imaging.imaging_shapes import CENTER, ellipsoid, grain_where
+
+VOXEL = VoxelSize(1, 1, 1, "um")
+RADIUS = 15.3
+
+
+def ball(radius: float, centre: np.ndarray = CENTER, unit: str = "um") -> Avatar:
+    """One control point of weight R**2 is the ball of radius R."""
+    return Avatar(np.array([centre]), np.array([radius**2]), unit)
+
+
+@pytest.fixture(scope="module")
+def grain() -> Grain:
+    return grain_where(ellipsoid(RADIUS, RADIUS, RADIUS), 20, VOXEL)
+
+
+def test_a_body_covers_its_own_voxels(grain: Grain) -> None:
+    assert voxel_iou(ball(RADIUS), grain) == 1.0
+    assert voxel_iou(ball(RADIUS).to("mm"), grain) == 1.0
+
+
+@pytest.mark.parametrize("most_nodes", [10**7, 20_000, 3_000])
+def test_two_balls_that_overlap(grain: Grain, most_nodes: int) -> None:
+    d = 9.0
+    lens = np.pi * (4 * RADIUS + d) * (2 * RADIUS - d) ** 2 / 12
+    volume = 4 / 3 * np.pi * RADIUS**3
+    tolerance = 0.004 if most_nodes > 10**6 else 0.04
+    for axis in np.vstack([np.eye(3), -np.eye(3)]):
+        found = voxel_iou(ball(RADIUS, CENTER + d * axis), grain, most_nodes)
+        assert found == pytest.approx(lens / (2 * volume - lens), abs=tolerance)
+
+
+@pytest.mark.parametrize("most_nodes", [2_000, 200])
+def test_a_coarser_lattice_asks_voxels_of_the_grain(grain: Grain, most_nodes: int) -> None:
+    """A lattice beside the voxels' centres would not find the body's own voxels exactly."""
+    assert voxel_iou(ball(RADIUS), grain, most_nodes) == 1.0
+
+
+def test_a_box_in_a_ball_counted_by_hand() -> None:
+    box = Grain(np.ones((4, 6, 8), bool), VoxelSize(2, 1, 1, "um"), (10.0, 20.0, 30.0))
+    middle = np.array([13.5, 22.5, 33.0])
+    # Voxel centres lie at multiples of half a voxel from the middle.
+    z, y, x = (np.arange(-30, 30) + 0.5 for _ in range(3))
+    inside = (2 * z[:, None, None]) ** 2 + y[None, :, None] ** 2 + x[None, None, :] ** 2 <= 9.7**2
+    assert voxel_iou(ball(9.7, middle), box) == pytest.approx(192 / np.count_nonzero(inside), rel=1e-12)
+
+
+def test_what_does_not_touch_shares_nothing(grain: Grain) -> None:
+    assert voxel_iou(ball(3.0, np.array([100.0, 0, 0])), grain) == 0.0
+
+
+def surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
+
+
+def sphere(radius: float, centre: tuple[float, float, float] = (0, 0, 0)) -> trimesh.Trimesh:
+    mesh = trimesh.creation.icosphere(subdivisions=5, radius=radius)
+    mesh.apply_translation(centre)
+    return mesh
+
+
+@pytest.mark.parametrize(
+    ("other", "distance"),
+    [
+        (sphere(2.0), 1.0),
+        (sphere(3.0, (0.0, 0.4, 0.3)), 0.5),
+        # A small ball far away: only those of its points that lie farthest count.
+        (trimesh.util.concatenate([sphere(3.0), sphere(0.5, (10.0, 0, 0))]), 7.5),
+    ],
+)
+def test_hausdorff_distance_of_balls(other: trimesh.Trimesh, distance: float) -> None:
+    one, two = surface(sphere(3.0)), surface(other)
+    assert hausdorff_distance(one, two) == pytest.approx(distance, abs=0.003)
+    assert hausdorff_distance(two, one) == pytest.approx(distance, abs=0.003)
+
+
+def test_distance_is_to_the_faces_not_to_their_corners() -> None:
+    """The nearest corner of a plain of two triangles is much farther off."""
+    plain = (
+        np.array([[-50.0, -50, 0], [50, -50, 0], [50, 50, 0], [-50, 50, 0]]),
+        np.array([[0, 1, 2], [0, 2, 3]]),
+    )
+    above = trimesh.creation.icosphere(subdivisions=1, radius=1.0)
+    above.apply_translation([3.0, 7.0, 5.0])
+    from mbstudio.core.imaging.likeness import _farthest
+
+    assert _farthest(np.asarray(above.vertices), plain) == pytest.approx(6.0, abs=1e-9)
+
+
+def test_hausdorff_of_an_avatar_over_the_nominal_diameter(grain: Grain) -> None:
+    likeness = Likeness(grain)
+    # The smoothed surface of the voxels still lies up to half a voxel off the ball.
+    for other, distance in ((ball(1.1 * RADIUS), 0.05), (ball(RADIUS, CENTER + np.array([0, 3.06, 0])), 0.1)):
+        for avatar in (other, other.to("mm")):
+            assert distance - 0.003 < likeness.hausdorff(avatar) < distance + 0.5 / (2 * RADIUS)
+
+
+def test_factor_errors(grain: Grain) -> None:
+    likeness = Likeness(grain)
+    errors = likeness.factor_errors(ball(1.1 * RADIUS).to("mm"))
+    assert errors["dn"] == pytest.approx(0.1, abs=0.005)
+    assert errors["volume"] == pytest.approx(1.1**3 - 1, abs=0.01)
+    assert errors["sphericity"] == pytest.approx(0, abs=0.01)
+
+
+def test_cavities_are_compared_as_they_were_fitted(grain: Grain) -> None:
+    z, y, x = np.indices(grain.mask.shape)
+    middle = np.array(grain.mask.shape) / 2
+    hole = (z - middle[0]) ** 2 + (y - middle[1]) ** 2 + (x - middle[2]) ** 2 < 64
+    hollow = replace(grain, mask=grain.mask & ~hole)
+    share = np.count_nonzero(hole) / grain.voxel_count
+    assert Likeness(hollow).iou(ball(RADIUS)) == 1.0
+    assert Likeness(hollow, "keep").iou(ball(RADIUS)) == pytest.approx(1 - share, rel=1e-12)
