@@ -105,7 +105,7 @@ def test_parquet_needs_pyarrow(mbstudio, fitted_project, tmp_path, monkeypatch):
 
 
 def test_parquet_holds_the_same_table(mbstudio, fitted_project, tmp_path):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow, of the extra 'parquet'")
     import pandas as pd
 
     few = ("measure", fitted_project, "--limit", 2, "--workers", 0)

@@ -6,7 +6,7 @@ import json
 import os
 import struct
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -50,6 +50,20 @@ def receive(stream: BinaryIO) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         count = int(np.prod(shape, dtype=np.int64))
         arrays[name] = np.frombuffer(_exactly(stream, count * dtype.itemsize), dtype).reshape(shape)
     return message["head"], arrays
+
+
+def answer_requests(answer: Callable[[BinaryIO, dict[str, Any], dict[str, np.ndarray]], None]) -> None:
+    """Let ``answer(stream, head, arrays)`` answer each message on stdin, until the caller closes the pipe."""
+    # Whatever prints must not end up between the messages.
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    requests = sys.stdin.buffer
+    while True:
+        try:
+            head, arrays = receive(requests)
+        except EOFError:
+            return
+        answer(answers, head, arrays)
 
 
 def _exactly(stream: BinaryIO, size: int) -> bytes:

@@ -10,8 +10,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from mbstudio.core.batch.body_messages import grain_message, grain_of
-from mbstudio.core.batch.messages import receive, send
+from mbstudio.core.batch.messages import answer_requests, receive, send
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.steps import FitResult, Verdict
@@ -101,17 +103,9 @@ def run_task(
 
 def serve() -> None:
     """Fit grains until the caller closes the pipe."""
-    import os
-    import sys
 
-    # Whatever prints must not end up between the messages.
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    requests = sys.stdin.buffer
-    while True:
-        try:
-            head, arrays = receive(requests)
-        except EOFError:
-            return
+    def answer(answers: BinaryIO, head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         task = (head["n"], head["method"], head["seed"], head["options"], head["target"])
         _send_answer(answers, *run_task(grain_of(head, arrays), *task))
+
+    answer_requests(answer)

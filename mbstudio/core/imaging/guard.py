@@ -73,11 +73,14 @@ def mend_handles(search: Refinement, round_number: int) -> str:
         control = without_the_least_useful(search, plugs.shape[1])
         search.set_control(np.hstack([control, np.vstack([plugs, radius**2])]))
         notes.append(f"{plugs.shape[1]} control point(s) moved into holes that the grain has not")
-    for name, points in (("holes", errors.holes), ("bridges", errors.bridges)):
+    for points, filled, told in (
+        (errors.holes, True, "in holes that the grain has not to be filled"),
+        (errors.bridges, False, "on bridges that the grain has not to be left empty"),
+    ):
         if len(points):
             depth = np.maximum(np.abs(search.depth_of(points.T)), _LEAST_MARGIN)
-            search.keep(points, depth, weight=2.0 * (1 + round_number), filled=name == "holes")
-            notes.append(f"{len(points)} places of {name} that the grain has not held by the search")
+            search.keep(points, depth, weight=2.0 * (1 + round_number), filled=filled)
+            notes.append(f"{len(points)} places {told}")
     return ", ".join(notes)
 
 

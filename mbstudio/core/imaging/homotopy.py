@@ -126,7 +126,7 @@ class TopologyErrors:
     Attributes
     ----------
     holes : float array, shape (p, 3)
-        Voxel centres inside the grain that the avatar should fill, from the holes' plugs outward.
+        Voxel centres inside the grain that the avatar should fill.
     bridges : float array, shape (q, 3)
         Voxel centres outside the grain that the avatar should leave empty.
     plugs : float array, shape (h, 3)

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import numpy as np
+
 from mbstudio.core.batch.body_messages import body_message, body_of
-from mbstudio.core.batch.messages import receive, send
+from mbstudio.core.batch.messages import answer_requests, receive, send
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metrics.detail import measure_detail
 from mbstudio.core.metrics.measuring import measure
@@ -86,17 +88,9 @@ def receive_measurement(stream: BinaryIO) -> Measurement:
 
 def serve() -> None:
     """Measure bodies until the caller closes the pipe."""
-    import os
-    import sys
 
-    # Whatever prints must not end up between the messages.
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    requests = sys.stdin.buffer
-    while True:
-        try:
-            head, arrays = receive(requests)
-        except EOFError:
-            return
+    def answer(answers: BinaryIO, head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         body = body_of(head["body"], arrays)
         send(answers, asdict(measured(body, Conventions(**head["asked"]))))
+
+    answer_requests(answer)
