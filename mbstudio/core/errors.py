@@ -47,6 +47,18 @@ class FitError(MbstudioError):
     """A fit that cannot be started or finished as asked."""
 
 
+class SerializationError(MbstudioError):
+    """Avatars that cannot be brought to one common frame and order of control points."""
+
+
+class StyleError(MbstudioError):
+    """A style-learner that cannot be trained, read or written as asked."""
+
+
+class GenerationError(MbstudioError):
+    """New grains that these parents cannot give."""
+
+
 class MeasureError(MbstudioError):
     """A body whose shape factors are not defined."""
 

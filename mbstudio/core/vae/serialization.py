@@ -1,0 +1,170 @@
+"""Serialized avatars: control point i means the same in every one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from mbstudio.core.errors import SerializationError
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.units import parse_unit
+
+FLIPS = np.array([[1 - 2 * (f & 1), 1 - (f & 2), 1 - (f >> 1 & 2)] for f in range(8)], dtype=np.float64)
+"""Signs of (x, y, z) of the eight flips of the principal axes, shape (8, 3); the first changes nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """The control points from which every avatar of a population is fitted.
+
+    As a set they are mirror-symmetric in the three planes of the principal axes, so that a flipped avatar
+    is serialized by flipping its coordinates and exchanging its control points: an exact augmentation.
+
+    Attributes
+    ----------
+    centers : float array, shape (n, 3)
+        In nominal diameters D_n, along the long, middle and short principal axis. Read-only.
+    log_weights : float array, shape (n,)
+        ln k, k in D_n**2. Read-only.
+    exchange : int array, shape (8, n)
+        Row f: the control point that takes place i after flip f of `FLIPS`. Read-only.
+
+    Raises
+    ------
+    SerializationError
+        If shapes disagree, values are not finite, or the points are not symmetric.
+    """
+
+    centers: Float[np.ndarray, "n 3"]
+    log_weights: Float[np.ndarray, " n"]
+    exchange: Int[np.ndarray, "8 n"]
+
+    def __post_init__(self) -> None:
+        centers = np.array(self.centers, dtype=np.float64)
+        log_weights = np.array(self.log_weights, dtype=np.float64)
+        exchange = np.array(self.exchange, dtype=np.int64)
+        n = len(log_weights)
+        if centers.shape != (n, 3) or exchange.shape != (8, n) or n < 1:
+            raise SerializationError(
+                f"A template has centers of shape {centers.shape}, log weights of shape {log_weights.shape} "
+                f"and exchanges of shape {exchange.shape}: they must be (n, 3), (n,) and (8, n)."
+            )
+        if not (np.isfinite(centers).all() and np.isfinite(log_weights).all()):
+            raise SerializationError("A template has control points or weights that are not finite numbers.")
+        if not np.array_equal(np.sort(exchange, axis=1), np.tile(np.arange(n), (8, 1))):
+            raise SerializationError("The exchanges of a template are no permutations of its control points.")
+        flipped = np.stack([centers[row] * signs for row, signs in zip(exchange, FLIPS, strict=True)])
+        if not (
+            np.allclose(flipped, centers, atol=1e-6)
+            and np.allclose(log_weights[exchange], log_weights, atol=1e-6)
+        ):
+            raise SerializationError("The control points of a template are not symmetric under its flips.")
+        for name, array in (("centers", centers), ("log_weights", log_weights), ("exchange", exchange)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @property
+    def n(self) -> int:
+        """Number of control points."""
+        return len(self.log_weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Serialization:
+    """Avatars in one common frame (centroid, principal axes, unit D_n), point i the same in each.
+
+    Attributes
+    ----------
+    template : Template
+    centers : float array, shape (avatars, n, 3)
+        Control points in D_n. Read-only.
+    log_weights : float array, shape (avatars, n)
+        ln k, k in D_n**2. Read-only.
+    diameters : float array, shape (avatars,)
+        Nominal diameter D_n of each body in `unit`: its size, kept apart from its shape. Read-only.
+    unit : str
+        Canonical length unit of the diameters.
+    names : tuple of str
+        One an avatar, for tables.
+    rms : float array, shape (avatars,)
+        Root mean square distance of avatar and grain over the grain's surface in D_n; NaN where there is
+        no grain (clones). Read-only.
+    valid : bool array, shape (avatars,)
+        Whether each is one piece without void and holds all its control points. Read-only.
+
+    Raises
+    ------
+    SerializationError
+        If shapes disagree, values are not finite, or a diameter is not positive.
+    """
+
+    template: Template
+    centers: Float[np.ndarray, "avatars n 3"]
+    log_weights: Float[np.ndarray, "avatars n"]
+    diameters: Float[np.ndarray, " avatars"]
+    unit: str
+    names: tuple[str, ...]
+    rms: Float[np.ndarray, " avatars"]
+    valid: Bool[np.ndarray, " avatars"]
+
+    def __post_init__(self) -> None:
+        count, n = len(self.names), self.template.n
+        shapes = {
+            "centers": (count, n, 3), "log_weights": (count, n), "diameters": (count,),
+            "rms": (count,), "valid": (count,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            array = np.array(getattr(self, name), dtype=np.bool_ if name == "valid" else np.float64)
+            if array.shape != shape:
+                raise SerializationError(
+                    f"Serialized avatars have {name} of shape {array.shape}, not {shape}."
+                )
+            if name not in ("rms", "valid") and not np.isfinite(array).all():
+                raise SerializationError(f"Serialized avatars have {name} that are not finite numbers.")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if count and self.diameters.min() <= 0:
+            raise SerializationError("Serialized avatars have a nominal diameter that is not positive.")
+        object.__setattr__(self, "unit", parse_unit(self.unit))
+        object.__setattr__(self, "names", tuple(self.names))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def avatar(self, i: int) -> Avatar:
+        """Return avatar `i` in its principal frame, in `unit`."""
+        size = float(self.diameters[i])
+        return Avatar(
+            self.centers[i] * size, np.exp(self.log_weights[i]) * size**2, self.unit, name=self.names[i]
+        )
+
+    def avatars(self) -> list[Avatar]:
+        """Return all avatars in their principal frames, in `unit`."""
+        return [self.avatar(i) for i in range(len(self))]
+
+    def take(self, rows: Sequence[int] | Int[np.ndarray, " rows"]) -> Serialization:
+        """Return the avatars of these rows, in this order."""
+        chosen = np.asarray(rows, dtype=np.int64)
+        arrays = {
+            name: getattr(self, name)[chosen]
+            for name in ("centers", "log_weights", "diameters", "rms", "valid")
+        }
+        return replace(self, names=tuple(self.names[i] for i in chosen), **arrays)
+
+    def flipped(self, flips: Int[np.ndarray, " avatars"]) -> Serialization:
+        """Return each avatar mirrored by its flip of `FLIPS`, its control points exchanged to fit.
+
+        Parameters
+        ----------
+        flips : int array, shape (avatars,)
+            Row of `FLIPS` for each avatar; 0 leaves it as it is.
+        """
+        flips = np.asarray(flips, dtype=np.int64)
+        exchange = self.template.exchange[flips]
+        centers = np.take_along_axis(self.centers, exchange[:, :, None], axis=1) * FLIPS[flips][:, None, :]
+        return replace(
+            self, centers=centers, log_weights=np.take_along_axis(self.log_weights, exchange, axis=1)
+        )
