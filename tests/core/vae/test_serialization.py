@@ -37,7 +37,7 @@ def test_flips_are_all_signs() -> None:
 def test_template_refuses_points_that_are_not_symmetric() -> None:
     template = eight_points()
     with pytest.raises(SerializationError, match="symmetric"):
-        Template(template.centers + [0.1, 0, 0], template.log_weights, template.exchange)
+        Template(template.centers + np.array([0.1, 0, 0]), template.log_weights, template.exchange)
     with pytest.raises(SerializationError, match="permutations"):
         Template(template.centers, template.log_weights, np.zeros((8, 8), int))
 
