@@ -69,6 +69,8 @@ class FastOptions:
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.
 _GOOD_SCORE = 0.15
 _MOST_MATCHED = 0.03
+# Volume error of which one factor leaves so little that it is not measured again.
+_MATCHED_AT_ONCE = 0.002
 _MATCHED = "all weights scaled a little to match the volume of the voxels"
 # By how much the score may grow for the right number of handles.
 _MOST_FOR_HANDLES = 1.5
@@ -219,6 +221,8 @@ class FastFit(StepRun):
                 power = float(np.clip((excess - before) / moved, 1.0, 8.0))
             moved, before = -excess / power, excess
             control[3] *= np.exp(moved)
+            if abs(excess) < _MATCHED_AT_ONCE:
+                break
         self._refinement.control = control
         return True
 

@@ -16,6 +16,8 @@ from mbstudio.core.errors import AvatarError
 
 # Infinities must survive (f is infinite on a control point), so not plain ``fastmath=True``.
 SAFE_MATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
+# An upper bound of f in single precision below this is one below 1 with certainty.
+_BOUND_IN_SINGLE = 0.999
 _BLOCK = 256
 
 
@@ -103,29 +105,28 @@ def _field_on_grid(origin, spacing, control, out):  # pragma: no cover - compile
                     row[ix] += ka / (da * da + ca)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
 def _upper_bound_on_grid(origin, spacing, radius, control, out):  # pragma: no cover - compiled
-    """Bound f from above over the ball of `radius` about each node."""
+    """Bound f from above over the ball of `radius` about each node, in single precision."""
     nz, ny, nx = out.shape
+    one, least = np.float32(1.0), np.float32(1e-9)
+    xs = np.empty(nx, dtype=np.float32)
+    for ix in range(nx):
+        xs[ix] = origin[0] + ix * spacing[0]
     for iz in range(nz):
+        z = np.float32(origin[2] + iz * spacing[2])
         for iy in range(ny):
+            y = np.float32(origin[1] + iy * spacing[1])
+            row = out[iz, iy]
             for ix in range(nx):
-                x, y, z = (
-                    origin[0] + ix * spacing[0],
-                    origin[1] + iy * spacing[1],
-                    origin[2] + iz * spacing[2],
-                )
-                total = 0.0
-                for i in range(control.shape[1]):
-                    dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
-                    nearest = np.sqrt(dx * dx + dy * dy + dz * dz) - radius
-                    if nearest <= 0.0:
-                        total = np.inf
-                        break
-                    total += control[3, i] / (nearest * nearest)
-                    if total >= 1.0:
-                        break
-                out[iz, iy, ix] = total >= 1.0
+                row[ix] = 0.0
+            for i in range(control.shape[1]):
+                dy, dz = y - control[1, i], z - control[2, i]
+                cx, k, square = control[0, i], control[3, i], dy * dy + dz * dz
+                for ix in range(nx):
+                    dx = xs[ix] - cx
+                    nearest = max(np.sqrt(dx * dx + square) - radius, least)
+                    row[ix] += k * (one / (nearest * nearest))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -239,12 +240,22 @@ def solid_bounds(
     for axis in range(3):
         high[axis] = _outer_plane(control[axis], control[3])
         low[axis] = -_outer_plane(-control[axis], control[3])
+    if not rounds:
+        return np.array([low, high])
+    # About the middle and in units of the box, as in field_on_grid.
+    middle, length = 0.5 * (low + high), float((high - low).max())
+    local = control / length
+    local[:3] -= middle[:, None] / length
+    local[3] /= length
+    low, high, single = (low - middle) / length, (high - middle) / length, local.astype(np.float32)
+    bound = np.empty((cells, cells, cells), dtype=np.float32)
     for _ in range(rounds):
         spacing = (high - low) / cells
-        full = np.empty((cells, cells, cells), dtype=np.bool_)
+        radius = np.float32(0.5 * np.linalg.norm(spacing))
         _upper_bound_on_grid(
-            low + 0.5 * spacing, spacing, 0.5 * float(np.linalg.norm(spacing)), control, full
+            (low + 0.5 * spacing).astype(np.float32), spacing.astype(np.float32), radius, single, bound
         )
+        full = bound >= _BOUND_IN_SINGLE
         for axis in range(3):
             other = tuple(dim for dim in range(3) if dim != 2 - axis)
             used = np.flatnonzero(full.any(axis=other))
@@ -252,4 +263,4 @@ def solid_bounds(
                 low[axis] + used[0] * spacing[axis],
                 low[axis] + (used[-1] + 1) * spacing[axis],
             )
-    return np.array([low, high])
+    return middle + length * np.array([low, high])
