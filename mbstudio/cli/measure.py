@@ -63,7 +63,7 @@ def measure(
     limit: LimitOption = None,
     unit: inputs.UnitOption = None,
     axes: AxesOption = Axes.OBB,
-    surface: SurfaceOption = Surface.CROFTON,
+    surface: SurfaceOption = Surface.SMOOTHED,
     detail: DetailOption = False,
     workers: inputs.WorkersOption = None,
     csv_file: Annotated[

@@ -25,7 +25,7 @@ def measure_grains(
     *,
     unit: str | None = None,
     axes: AxisConvention = "obb",
-    surface: VoxelSurface = "crofton",
+    surface: VoxelSurface = "smoothed",
     detail: bool = False,
     workers: int | None = None,
 ) -> ProjectPopulations:

@@ -41,7 +41,7 @@ def report(
     limit: LimitOption = None,
     unit: inputs.UnitOption = None,
     axes: AxesOption = Axes.OBB,
-    surface: SurfaceOption = Surface.CROFTON,
+    surface: SurfaceOption = Surface.SMOOTHED,
     detail: DetailOption = False,
     sieves: Annotated[
         Sieves, typer.Option("--sieves", help="Sieves of ISO 3310-1 (R 20/3) or of ASTM E11.")

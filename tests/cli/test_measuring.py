@@ -63,17 +63,17 @@ def test_one_grain_that_cannot_be_measured_keeps_its_row(mbstudio, fitted_projec
 
 def test_columns_state_unit_and_conventions(mbstudio, fitted_project, tmp_path):
     ran = mbstudio(
-        "measure", fitted_project, "--limit", 1, "--unit", "mm", "--axes", "inertia", "--surface", "smoothed",
+        "measure", fitted_project, "--limit", 1, "--unit", "mm", "--axes", "inertia", "--surface", "crofton",
         "--detail", "--workers", 0, "--csv", tmp_path / "a.csv",
     )  # fmt: skip
     assert ran.code == 0
     (row,) = table_in(tmp_path / "a.csv")
     project = Project.open(fitted_project)
     grain = project.grains.grain(int(row["label"]))
-    known = measure(grain, unit="mm", axes="inertia", surface="smoothed")
+    known = measure(grain, unit="mm", axes="inertia", surface="crofton")
     assert float(row["grain_area_mm2"]) == pytest.approx(known.area)
     assert float(row["grain_longest_mm"]) == pytest.approx(known.longest)
-    assert (row["unit"], row["axes"], row["grain_surface"]) == ("mm", "inertia", "smoothed voxels")
+    assert (row["unit"], row["axes"], row["grain_surface"]) == ("mm", "inertia", "crofton voxels")
     assert row["avatar_valid"] == "True"
     error = float(row["avatar_csf"]) / float(row["grain_csf"]) - 1
     assert float(row["relative_error_csf"]) == pytest.approx(error)

@@ -25,7 +25,7 @@ def test_the_report_needs_nothing_else(mbstudio, fitted_project, tmp_path):
         "Volume V (mm³)",
         "oriented bounding box",
         "K-S D",
-        "Crofton",
+        "lightly smoothed surface",
         "D50 (mm)",
         "14 µm",
     ):

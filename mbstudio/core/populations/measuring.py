@@ -39,6 +39,8 @@ Progress = Callable[[float, str], None]
 
 # Below this, starting processes takes longer than they save.
 FEWEST_FOR_PROCESSES = 12
+SEGMENTED_SURFACE: VoxelSurface = "smoothed"
+"""Of grains cut from a label volume: the roughness that noise leaves there is no area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ def measure_population(
     kind: Kind = "grains",
     unit: str | None = None,
     axes: AxisConvention = "obb",
-    surface: VoxelSurface = "crofton",
+    surface: VoxelSurface | None = None,
     detail: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -82,8 +84,11 @@ def measure_population(
     kind : {'grains', 'avatars', 'clones'}
     unit : str, optional
         Of all factors; that of the first body by default.
-    axes, surface
+    axes
         As for `measure`.
+    surface : {'crofton', 'smoothed'}, optional
+        As for `measure`; by default 'smoothed' for a GrainSet and else 'crofton'. Crofton's formula counts
+        the roughness that noise leaves on segmented grains as area.
     detail : bool
         Also find the detailed factors: convexity, spheres, Feret diameters, roundness, roughness, bands.
     workers : int, optional
@@ -112,6 +117,7 @@ def measure_population(
         chosen = [int(label) for label in (bodies.table["label"] if labels is None else labels)]
         makers = _grain_makers(bodies, chosen)
         first: str | None = bodies.unit
+        surface = surface or SEGMENTED_SURFACE
     else:
         given = list(bodies)
         chosen = _labels_of(given) if labels is None else [int(label) for label in labels]
@@ -119,7 +125,7 @@ def measure_population(
             raise MeasureError(f"{len(given)} bodies have {len(chosen)} labels: give one to each.")
         makers = [_given(body) for body in given]
         first = unit or _unit_of(given)
-    asked = _conventions(unit or first, axes, surface, detail)
+    asked = _conventions(unit or first, axes, surface or "crofton", detail)
     found = _measure_all(makers, asked, workers, progress)
     return _population(name or kind, kind, chosen, found, asked)
 
@@ -130,7 +136,7 @@ def measure_project(
     *,
     unit: str | None = None,
     axes: AxisConvention = "obb",
-    surface: VoxelSurface = "crofton",
+    surface: VoxelSurface | None = None,
     detail: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -143,7 +149,7 @@ def measure_project(
     labels : sequence of int, optional
         Which grains; those with an avatar by default, all interior grains if none has one.
     unit, axes, surface, detail, workers, progress
-        As for `measure_population`.
+        As for `measure_population` of a GrainSet.
 
     Raises
     ------
@@ -156,7 +162,7 @@ def measure_project(
     chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
     fitted = [label for label in chosen if label in project.fits]
     makers = _grain_makers(grains, chosen) + [_given(project.fits[label].avatar) for label in fitted]
-    asked = _conventions(unit or grains.unit, axes, surface, detail)
+    asked = _conventions(unit or grains.unit, axes, surface or SEGMENTED_SURFACE, detail)
     found = _measure_all(makers, asked, workers, progress)
     avatars = None
     if fitted:

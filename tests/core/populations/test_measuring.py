@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import threading
+import warnings
 
 import numpy as np
 import pytest
 import trimesh
+from scipy import ndimage
 
-from mbstudio.core.errors import Cancelled, GrainError, MeasureError
-from mbstudio.core.grains import Grain
+from mbstudio.core.errors import Cancelled, GrainError, GrainWarning, MeasureError
+from mbstudio.core.grains import Grain, load_labels
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, measure
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES, column_name
@@ -41,6 +43,25 @@ def test_one_bad_body_has_a_row_that_says_why():
     table = found.table()
     assert table["not_measured"].tolist() == list(found.reasons)
     np.testing.assert_allclose(table["volume_mm3"], found.column("volume"))
+
+
+def test_roughness_of_a_label_volume_is_no_area():
+    """A ball whose outline is noisy, as a segmentation leaves it: Crofton's formula counts the noise."""
+    z, y, x = np.mgrid[-15:16, -15:16, -15:16]
+    noise = ndimage.gaussian_filter(np.random.default_rng(1).standard_normal(z.shape), 0.6)
+    labels = (np.sqrt(x**2 + y**2 + z**2) + 2.0 * noise < 12).astype(np.int32)
+    labels = np.where(ndimage.label(labels)[0] == ndimage.label(labels)[0][15, 15, 15], 1, 0)
+    grains = load_labels(labels, voxel_size="1 mm")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GrainWarning)
+        found = measure_population(grains, workers=0)
+        by_lines = measure_population(grains, workers=0, surface="crofton")
+        alone = measure_population([grains[0]], workers=0)
+    true = 4 * np.pi * 12**2
+    assert found.surface == "smoothed voxels"
+    assert alone.surface == by_lines.surface == "crofton voxels"
+    assert found.column("area")[0] == pytest.approx(true, rel=0.06)
+    assert by_lines.column("area")[0] > 1.12 * true
 
 
 def test_processes_change_nothing():
