@@ -107,6 +107,16 @@ def merge(parts: list[tuple[Surface, int]]) -> Surface:
     )
 
 
+def labelled_part(surface: pv.PolyData, cells: Int64[np.ndarray, " t"]) -> pv.PolyData:
+    """Return these triangles of a surface as one of their own; only in the thread that renders."""
+    triangles = surface.regular_faces[cells]
+    used, corners = np.unique(triangles, return_inverse=True)
+    part = pv.PolyData.from_regular_faces(np.asarray(surface.points)[used], corners.reshape(-1, 3))
+    part.point_data["Normals"] = np.asarray(surface.point_data["Normals"])[used]
+    part.point_data.active_normals_name = "Normals"
+    return part
+
+
 def control_points(avatar: Avatar) -> Surface:
     """Return small spheres at the control points, a fiftieth of the avatar's size in radius."""
     centers = np.asarray(avatar.centers)

@@ -36,8 +36,11 @@ class LogAxis(pg.AxisItem):
 class Plot(pg.PlotWidget):
     """A plot without frame whose axes and grid follow the theme."""
 
-    def __init__(self, theme: Theme, bottom: str, left: str, name: str) -> None:
-        super().__init__(axisItems={"left": LogAxis(orientation="left")})
+    def __init__(
+        self, theme: Theme, bottom: str, left: str, name: str, box: pg.ViewBox | None = None
+    ) -> None:
+        axes = {"left": LogAxis(orientation="left"), "bottom": LogAxis(orientation="bottom")}
+        super().__init__(viewBox=box, axisItems=axes)
         self._theme = theme
         self._names = (bottom, left)
         self.setAccessibleName(name)
@@ -45,6 +48,11 @@ class Plot(pg.PlotWidget):
         self.hideButtons()
         self.getPlotItem().layout.setContentsMargins(4, 8, 14, 4)
         theme.changed.connect(self.repaint_theme)
+
+    def set_names(self, bottom: str, left: str) -> None:
+        """Call the axes otherwise."""
+        self._names = (bottom, left)
+        self.repaint_theme()
 
     def repaint_theme(self) -> None:
         """Take the colours of the theme that holds now."""
