@@ -22,6 +22,7 @@ from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.export_panel import ExportPanel
 from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
+from mbstudio.ui.panels.population_panel import PopulationPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_commands import STATIONS
@@ -30,10 +31,14 @@ from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.grain_table import GrainTable
 from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.plots import ConvergenceCurve
+from mbstudio.ui.widgets.population_dock import PopulationDock
 from mbstudio.ui.widgets.rail import Rail
+from mbstudio.ui.widgets.sweep_dock import SweepDock
 from mbstudio.ui.widgets.welcome import Welcome
 from mbstudio.ui.window_commands import MENUS
 from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.work.population_work import PopulationWork
+from mbstudio.ui.work.sweep_work import SweepWork
 from mbstudio.ui.workspace import Workspace
 
 
@@ -45,6 +50,8 @@ class WindowLayout(QMainWindow):
     icons: Icons
     workspace: Workspace
     fits: FitWork
+    populations: PopulationWork
+    sweeps: SweepWork
     messages: MessageBar
     viewport: Viewport
     commands: CommandTable
@@ -57,11 +64,13 @@ class WindowLayout(QMainWindow):
         self.panels_scan = ScanPanel(self.workspace, self.theme)
         self.panels_grains = GrainPanel(self.workspace, self.theme)
         self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
+        self.panels_populations = PopulationPanel(self.workspace, self.populations)
         self.panels_export = ExportPanel(self.workspace)
         self.panels = {
             "scan": self.panels_scan,
             "grains": self.panels_grains,
             "fit": self.panels_fit,
+            "populations": self.panels_populations,
             "export": self.panels_export,
         }
         self.rail = Rail(list(STATIONS), self.icons)
@@ -87,7 +96,14 @@ class WindowLayout(QMainWindow):
         self.table_dock = self._dock("table", "Grains", self.table, bottom)
         self.curve_dock = self._dock("curve", "Convergence", self.curve, bottom)
         self.splitDockWidget(self.table_dock, self.curve_dock, Qt.Orientation.Horizontal)
-        for dock in (self.table_dock, self.curve_dock):
+        self.plots = PopulationDock(self.theme, self.icons)
+        self.sweep = SweepDock(self.workspace, self.sweeps, self.theme)
+        right = Qt.DockWidgetArea.RightDockWidgetArea
+        self.plots_dock = self._dock("plots", "Plots of populations", self.plots, right)
+        self.sweep_dock = self._dock("sweep", "Sweep over n", self.sweep, right)
+        # Plots need the height more than the table needs the width.
+        self.setCorner(Qt.Corner.BottomRightCorner, right)
+        for dock in (self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock):
             dock.setTitleBarWidget(self._dock_title(dock))
             # Never floating: what is undocked gets lost behind the window.
             dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)

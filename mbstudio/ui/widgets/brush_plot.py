@@ -236,7 +236,8 @@ class BrushPlot(Plot):
             return
         order = [int(label) for label in group.labels[np.argsort(group.x, kind="stable")]]
         start = order.index(self._current) + step if self._current in order else (0 if step > 0 else -1)
-        self.brushed.emit([order[start % len(order)]], bool(ev.modifiers() & Qt.KeyboardModifier.ShiftModifier))
+        adding = bool(ev.modifiers() & Qt.KeyboardModifier.ShiftModifier)
+        self.brushed.emit([order[start % len(order)]], adding)
         ev.accept()
 
     def mouseDoubleClickEvent(self, ev: Any) -> None:

@@ -110,9 +110,7 @@ def fill_factor(
     table.fill([population.name for population in populations], columns, units)
 
 
-def fill_sizes(
-    table: ComparisonTable, populations: Sequence[Population], sieves: SieveSeries | None
-) -> None:
+def fill_sizes(table: ComparisonTable, populations: Sequence[Population], sieves: SieveSeries | None) -> None:
     """Show the sizes of sieve curves, and the coefficients of uniformity and curvature."""
     scale, unit = readable_scale(populations, "intermediate")
     columns = []

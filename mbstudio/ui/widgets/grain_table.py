@@ -210,9 +210,7 @@ class GrainTable(QTableView):
         try:
             place = None if current is None else self.content.row(current)
             index = (
-                QModelIndex()
-                if place is None
-                else self._sorted.mapFromSource(self.content.index(place, 0))
+                QModelIndex() if place is None else self._sorted.mapFromSource(self.content.index(place, 0))
             )
             self.selectionModel().setCurrentIndex(index, flags.NoUpdate)
             self.selectionModel().select(rows, flags.ClearAndSelect | flags.Rows)

@@ -179,9 +179,7 @@ class DistributionPlot(PopulationPlot):
                 continue
             cdf = cumulative(values, weights)
             pen = self._pen(place, population)
-            self._line(
-                self.cdf, np.repeat(cdf.values, 2), np.repeat([0.0, *cdf.shares], 2)[1:-1], pen
-            )
+            self._line(self.cdf, np.repeat(cdf.values, 2), np.repeat([0.0, *cdf.shares], 2)[1:-1], pen)
             rises.append(self._points(place, population, rows, values, cdf(values)))
             ticks.append(self._points(place, population, rows, values, np.zeros(len(values))))
             self._draw_density(place, population, values, weights, edges)
@@ -303,8 +301,8 @@ class FormPlot(PopulationPlot):
             self._words(self.plot, words, side, 0.0, (0.5, 0.0))
         x, y = corners[2]
         self._words(self.plot, "compact, c/a = 1", x, y, (0.5, 1.0))
-        for words, at, anchor in (("platy", 0.0, 0.0), ("(a − b) / (a − c)", 0.5, 0.5), ("elongate", 1.0, 1.0)):
-            self._words(self.plot, words, at, -0.05, (anchor, 0.0))
+        for words, at in (("platy", 0.0), ("(a − b) / (a − c)", 0.5), ("elongate", 1.0)):
+            self._words(self.plot, words, at, -0.05, (at, 0.0))
         # Words do not count for the range: room for those outside the triangle.
         self._line(self.plot, [-0.04, 1.04], [-0.12, 0.93], pg.mkPen(None))
 
