@@ -68,7 +68,6 @@ class MainWindow(WindowLayout):
         self.link = ViewLink(self.workspace, self.fits, self.queue, self.viewport, theme, self)
         self.files = FileActions(self)
         self.station = "scan"
-        self._sweep_shown = False
         self._whole_fit: Task | None = None
         self._closing = False
         self.setWindowIcon(application_icon())
@@ -278,7 +277,7 @@ class MainWindow(WindowLayout):
 
     def show_sweep(self, shown: bool) -> None:
         """Show or hide the sweep over n, which takes the curve's room."""
-        self._sweep_shown = shown
+        self.sweep_shown = shown
         if shown and self.station != "fit":
             self.enter("fit")
         self._show_docks()
@@ -351,24 +350,6 @@ class MainWindow(WindowLayout):
             self.messages.say(
                 "error", f"{task.title} failed by a mistake in mbstudio ({type(error).__name__}: {error})."
             )
-
-    def _show_recent(self) -> None:
-        recent = self.workspace.recent
-        self.welcome.show_recent(recent)
-        self._recent_menu.clear()
-        for path in recent:
-            action = self._recent_menu.addAction(path.name)
-            action.setToolTip(str(path))
-            action.triggered.connect(lambda _checked=False, chosen=path: self.files.open_path(chosen))
-        self._recent_menu.setEnabled(bool(recent))
-
-    def _show_docks(self) -> None:
-        there = self.workspace.state.grains is not None
-        sweeping = self.station == "fit" and self._sweep_shown
-        self.table_dock.setVisible(self.station in ("grains", "fit", "populations") and there)
-        self.curve_dock.setVisible(self.station == "fit" and there and not sweeping)
-        self.sweep_dock.setVisible(sweeping)
-        self.plots_dock.setVisible(self.station == "populations")
 
     def closeEvent(self, event: QCloseEvent) -> None:
         if not self._closing and self.ask_before_closing and self.workspace.is_modified:

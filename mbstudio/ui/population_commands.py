@@ -30,7 +30,7 @@ def population_commands(window: MainWindow) -> list[Command]:
             window.files.ask_report,
             "Populations",
             "Ctrl+Shift+R",
-            "ph.file-html",
+            "ph.file-text",
             "Write tables and figures as one HTML file",
             lambda: space.state.grains is not None and not work.is_measuring,
         ),

@@ -15,7 +15,7 @@ STATIONS = (
     ("scan", "Scan", "ph.stack", "The CT stack (Ctrl+1)"),
     ("grains", "Grains", "ph.polygon", "Find the grains (Ctrl+2)"),
     ("fit", "Fit", "ph.circles-three", "Fit avatars (Ctrl+3)"),
-    ("populations", "Populations", "ph.chart-scatter", "Compare grains and avatars (Ctrl+4)"),
+    ("populations", "Populations", "ph.chart-bar", "Compare grains and avatars (Ctrl+4)"),
     ("export", "Export", "ph.export", "Write DEM files (Ctrl+5)"),
 )
 
@@ -114,7 +114,7 @@ def view_commands(window: MainWindow) -> list[Command]:
             window.show_plots,
             "View",
             "",
-            "ph.chart-scatter",
+            "ph.chart-bar",
             "Show or hide the plots at station Populations",
             lambda: window.station == "populations",
             checked=lambda: not window.plots_dock.isHidden(),

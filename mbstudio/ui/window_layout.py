@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.export_panel import ExportPanel
 from mbstudio.ui.panels.fit_panel import FitPanel
@@ -55,6 +56,9 @@ class WindowLayout(QMainWindow):
     messages: MessageBar
     viewport: Viewport
     commands: CommandTable
+    files: FileActions
+    station: str
+    sweep_shown: bool = False
 
     def refresh(self) -> None:
         """Bring commands, buttons and the title up to date."""
@@ -182,3 +186,23 @@ class WindowLayout(QMainWindow):
                 self._recent_menu = menu.addMenu("Open recent")
                 menu.addSeparator()
             menu.addAction(self.commands.action(command.id))
+
+    # ---- what is to be seen now ------------------------------------------------------------------
+
+    def _show_recent(self) -> None:
+        recent = self.workspace.recent
+        self.welcome.show_recent(recent)
+        self._recent_menu.clear()
+        for path in recent:
+            action = self._recent_menu.addAction(path.name)
+            action.setToolTip(str(path))
+            action.triggered.connect(lambda _checked=False, chosen=path: self.files.open_path(chosen))
+        self._recent_menu.setEnabled(bool(recent))
+
+    def _show_docks(self) -> None:
+        there = self.workspace.state.grains is not None
+        sweeping = self.station == "fit" and self.sweep_shown
+        self.table_dock.setVisible(self.station in ("grains", "fit", "populations") and there)
+        self.curve_dock.setVisible(self.station == "fit" and there and not sweeping)
+        self.sweep_dock.setVisible(sweeping)
+        self.plots_dock.setVisible(self.station == "populations")
