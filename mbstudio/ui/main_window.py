@@ -377,7 +377,6 @@ class MainWindow(WindowLayout):
             room = self.screen().availableGeometry()
             self.resize(min(1440, room.width()), min(900, room.height()))
         self.resizeDocks([self.table_dock], [230], Qt.Orientation.Vertical)
-        self.resizeDocks([self.plots_dock], [470], Qt.Orientation.Horizontal)
         self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
 
     # ---- drag and drop ---------------------------------------------------------------------------

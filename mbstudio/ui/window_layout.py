@@ -65,6 +65,8 @@ class WindowLayout(QMainWindow):
         raise NotImplementedError
 
     def _make_panels(self) -> None:
+        self._sized: list[QDockWidget] = []
+        self._swept = False
         self.panels_scan = ScanPanel(self.workspace, self.theme)
         self.panels_grains = GrainPanel(self.workspace, self.theme)
         self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
@@ -206,3 +208,10 @@ class WindowLayout(QMainWindow):
         self.curve_dock.setVisible(self.station == "fit" and there and not sweeping)
         self.sweep_dock.setVisible(sweeping)
         self.plots_dock.setVisible(self.station == "populations")
+        for dock in (self.sweep_dock, self.plots_dock):
+            if dock.isVisible() and dock not in self._sized:
+                self._sized.append(dock)
+                self.resizeDocks([dock], [max(400, self.width() // 3)], Qt.Orientation.Horizontal)
+        if self.curve_dock.isVisible() and self._swept != sweeping:
+            self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
+        self._swept = sweeping

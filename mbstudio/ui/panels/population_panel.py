@@ -25,6 +25,7 @@ from mbstudio.ui.widgets.population_plots import Shown
 from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.workspace import Workspace
 
+_WIDE = 200  # pixels: names of factors are long
 _AXES = (
     ("Oriented box", "obb", "Edges of the oriented bounding box of least volume"),
     ("Feret", "feret", "Caliper (Feret) diameters"),
@@ -86,6 +87,8 @@ class PopulationPanel(Panel):
             self.sizes,
             self._sizes_note,
         )
+        for field in (self.scope, self.axes, self.factor, self.second, self.by, self.sieves):
+            field.setFixedWidth(_WIDE)
         self.body.addStretch(1)
         self._hint = label("", "hint", wrap=True)
         self.measure_button = primary_button("Measure")

@@ -16,6 +16,7 @@ from PySide6.QtCore import (
     Qt,
     Signal,
 )
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from mbstudio.core.grains import GrainSet
@@ -24,6 +25,7 @@ from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
+ROOMY = 560  # pixels: wide enough for columns of equal width
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
 COLUMNS = ("Grain", "Volume", "D_n", "Edge", "Avatar", "RMS distance", "Verdict")
@@ -189,7 +191,7 @@ class GrainTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(27)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
-        header.setMinimumSectionSize(60)
+        header.setMinimumSectionSize(44)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         self.selectionModel().selectionChanged.connect(self._rows_chosen)
         self.selectionModel().currentRowChanged.connect(self._rows_chosen)
@@ -227,6 +229,15 @@ class GrainTable(QTableView):
     def _current(self) -> int | None:
         index = self.currentIndex()
         return self.content.label(self._sorted.mapToSource(index).row()) if index.isValid() else None
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        # Beside plots there is room for what the columns hold, and no more.
+        narrow = self.viewport().width() < ROOMY
+        modes = QHeaderView.ResizeMode
+        header = self.horizontalHeader()
+        header.setSectionResizeMode(modes.ResizeToContents if narrow else modes.Stretch)
+        header.setStretchLastSection(narrow)
+        super().resizeEvent(event)
 
     def labels_in_order(self) -> list[int]:
         """Return the labels as they stand in the table."""

@@ -23,7 +23,9 @@ class LogAxis(pg.AxisItem):
 
     def logTickValues(self, minVal: float, maxVal: float, size: float, stdTicks: Any) -> list[Any]:
         low, high = int(np.floor(minVal)), int(np.ceil(maxVal))
-        steps = (1, 2, 5) if high - low <= 3 else (1,)
+        steps: tuple[float, ...] = (1, 2, 5) if high - low <= 3 else (1,)
+        if maxVal - minVal < 1:
+            steps = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9)
         ticks = [exponent + np.log10(step) for exponent in range(low, high + 1) for step in steps]
         return [(1.0, [tick for tick in ticks if minVal <= tick <= maxVal])]
 

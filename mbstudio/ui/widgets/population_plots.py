@@ -161,6 +161,8 @@ class DistributionPlot(PopulationPlot):
         self.pdf = BrushPlot(theme, "Density", across=True)
         super().__init__(theme, self.cdf, self.pdf)
         self.pdf.setXLink(self.cdf)
+        for plot in (self.cdf, self.pdf):
+            plot.getAxis("left").setWidth(54)  # so that the same value stands at the same place
 
     def _draw(self) -> str:
         name, by = self._shown.factor, self._shown.by
@@ -240,8 +242,8 @@ class FormPlot(PopulationPlot):
         self.plot = BrushPlot(theme, "Zingg diagram" if kind == "zingg" else "Sneed and Folk's diagram")
         super().__init__(theme, self.plot)
         self._kind = kind
-        self.plot.box.setAspectLocked(True)
         if kind != "zingg":
+            self.plot.box.setAspectLocked(True)
             for side in ("bottom", "left"):
                 self.plot.hideAxis(side)
 
@@ -277,10 +279,13 @@ class FormPlot(PopulationPlot):
         self._line(self.plot, [0, 1], [ZINGG_LIMIT] * 2, grey)
         self._line(self.plot, [ZINGG_LIMIT] * 2, [0, 1], grey)
         self._line(self.plot, [0, 1, 1, 0, 0], [0, 0, 1, 1, 0], pg.mkPen(self._theme.tokens.strong_border))
+        left, right = ZINGG_LIMIT / 2, (1 + ZINGG_LIMIT) / 2
+        # Those above stand outside the square: most bodies lie in its upper right.
         for name, x, y in (
-            ("disc", 0.0, 1.0), ("equant", 1.0, 1.0), ("blade", 0.0, 0.0), ("rod", 1.0, 0.0),
+            ("disc", left, 1.0), ("equant", right, 1.0), ("blade", left, 0.0), ("rod", right, 0.0),
         ):  # fmt: skip
-            self._words(self.plot, name, x, y, (x, 1 - y))
+            self._words(self.plot, name, x, y, (0.5, 1.0))
+        self._line(self.plot, [0, 0], [0, 1.04], pg.mkPen(None))
 
     def _draw_triangle(self) -> None:
         grey = pg.mkPen(self._theme.tokens.faint)
@@ -326,11 +331,11 @@ class SizePlot(PopulationPlot):
         for place, (population, curve) in enumerate(curves):
             factor = conversion_factor(curve.unit, unit) if unit != curve.unit else 1.0
             sizes = np.log10(curve.sizes * factor)
-            marks = {} if sieves is None else {"symbol": SYMBOLS[place % 3], "symbolSize": 6}
-            line = pg.PlotDataItem(
-                sizes, curve.finer, pen=self._pen(place, population), symbolPen=None,
-                symbolBrush=pg.mkBrush(self._colour(population)), **marks,
-            )  # fmt: skip
+            marks: dict[str, object] = {}
+            if sieves is not None:
+                marks = {"symbol": SYMBOLS[place % 3], "symbolSize": 6, "symbolPen": None}
+                marks["symbolBrush"] = pg.mkBrush(self._colour(population))
+            line = pg.PlotDataItem(sizes, curve.finer, pen=self._pen(place, population), **marks)
             self._add(self.plot, line)
             own = population.column("intermediate")
             rows = np.flatnonzero(np.isfinite(own) & np.isfinite(population.column("volume")))

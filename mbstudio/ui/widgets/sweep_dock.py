@@ -115,12 +115,14 @@ class SweepDock(QFrame):
         last.addWidget(self.limit)
         last.addStretch(1)
         last.addWidget(self.use_button)
+        self._advice_note = label("", "hint", wrap=True)
         layout.addLayout(first)
         layout.addLayout(second)
         layout.addWidget(self.refusal)
         layout.addWidget(self.loss, 3)
         layout.addWidget(self.errors, 4)
         layout.addWidget(self.table, 4)
+        layout.addWidget(self._advice_note)
         layout.addLayout(last)
 
     def _connect(self) -> None:
@@ -245,6 +247,21 @@ class SweepDock(QFrame):
 
     def _write_advice(self) -> None:
         n = self.advice
+        rows = self._work.rows
+        smallest = smallest_numbers(rows, self.limit.value() / 100) if rows else {}
+        missed = [title_of(name) for name in self._chosen if smallest.get(name) is None]
+        if not rows:
+            note = ""
+        elif not self._chosen:
+            note = "Choose the errors that matter in the table."
+        elif missed:
+            note = f"No n here meets {self.limit.value():g} % for {', '.join(missed)}."
+        else:
+            note = (
+                f"From n = {n} on, the median errors chosen are {self.limit.value():g} % or less."
+            )
+        self._advice_note.setText(note)
+        self._advice_note.setVisible(bool(note))
         self.use_button.setEnabled(n is not None)
         self.use_button.setText("Use this n" if n is None else f"Use n = {n}")
         self.use_button.setToolTip(

@@ -75,13 +75,14 @@ class SweepPlot(Plot):
         numbers = np.array(list(found), dtype=float)
         low, middle, high = np.array(list(found.values())).T
         if bold and (high > low).any():
-            ends = [pg.PlotDataItem(numbers, edge, pen=None) for edge in (low, high)]
+            ends = [pg.PlotDataItem(numbers, edge, pen=pg.mkPen(None)) for edge in (low, high)]
             fill = QColor(colour)
             fill.setAlpha(36)
             for end in ends:
                 self._add(end)
             band = pg.FillBetweenItem(*ends, brush=fill)
-            self._add(band)
+            self.addItem(band, ignoreBounds=True)
+            self._drawn.append(band)
         pen = pg.mkPen(colour, width=2 if bold else 1)
         marks = {"symbol": "o", "symbolSize": 6, "symbolBrush": colour, "symbolPen": None} if bold else {}
         line = pg.PlotDataItem(numbers, middle, pen=pen, **marks)
