@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QSettings, QSize, Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QDockWidget,
     QFrame,
@@ -41,6 +42,23 @@ from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.work.sweep_work import SweepWork
 from mbstudio.ui.workspace import Workspace
+
+ROOMY = 640  # pixels: wide enough for a bar with the names of its layers
+
+
+class ViewBar(QToolBar):
+    """The bar above the view; where there is little room its layers are icons without words."""
+
+    def __init__(self) -> None:
+        super().__init__("View")
+        self.worded: list[QToolButton] = []
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        styles = Qt.ToolButtonStyle
+        style = styles.ToolButtonTextBesideIcon if self.width() >= ROOMY else styles.ToolButtonIconOnly
+        for button in self.worded:
+            button.setToolButtonStyle(style)
+        super().resizeEvent(event)
 
 
 class WindowLayout(QMainWindow):
@@ -141,7 +159,7 @@ class WindowLayout(QMainWindow):
         self._pages = QStackedWidget()
         self._pages.addWidget(self.welcome)
         self._pages.addWidget(self.viewport)
-        self.view_bar = QToolBar("View")
+        self.view_bar = ViewBar()
         self.view_bar.setMovable(False)
         self.view_bar.setIconSize(QSize(18, 18))
         for names in (
@@ -155,7 +173,7 @@ class WindowLayout(QMainWindow):
                 if name.startswith("layer."):
                     button = self.view_bar.widgetForAction(self.commands.action(name))
                     assert isinstance(button, QToolButton)
-                    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+                    self.view_bar.worded.append(button)
             self.view_bar.addSeparator()
         views = QToolButton()
         self.icons.set(views, "ph.video-camera")

@@ -25,7 +25,7 @@ from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
-ROOMY = 560  # pixels: wide enough for columns of equal width
+ROOMY = 500  # pixels: wide enough for all columns
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
 COLUMNS = ("Grain", "Volume", "D_n", "Edge", "Avatar", "RMS distance", "Verdict")
@@ -191,7 +191,7 @@ class GrainTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(27)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
-        header.setMinimumSectionSize(44)
+        header.setMinimumSectionSize(52)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         self.selectionModel().selectionChanged.connect(self._rows_chosen)
         self.selectionModel().currentRowChanged.connect(self._rows_chosen)
@@ -231,12 +231,8 @@ class GrainTable(QTableView):
         return self.content.label(self._sorted.mapToSource(index).row()) if index.isValid() else None
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        # Beside plots there is room for what the columns hold, and no more.
-        narrow = self.viewport().width() < ROOMY
-        modes = QHeaderView.ResizeMode
-        header = self.horizontalHeader()
-        header.setSectionResizeMode(modes.ResizeToContents if narrow else modes.Stretch)
-        header.setStretchLastSection(narrow)
+        # Beside plots not every column has room: the nominal diameter tells the volume as well.
+        self.setColumnHidden(1, self.width() < ROOMY)
         super().resizeEvent(event)
 
     def labels_in_order(self) -> list[int]:

@@ -257,9 +257,7 @@ class SweepDock(QFrame):
         elif missed:
             note = f"No n here meets {self.limit.value():g} % for {', '.join(missed)}."
         else:
-            note = (
-                f"From n = {n} on, the median errors chosen are {self.limit.value():g} % or less."
-            )
+            note = f"From n = {n} on, the median errors chosen are {self.limit.value():g} % or less."
         self._advice_note.setText(note)
         self._advice_note.setVisible(bool(note))
         self.use_button.setEnabled(n is not None)
