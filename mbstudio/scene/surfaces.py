@@ -111,7 +111,9 @@ def labelled_part(surface: pv.PolyData, cells: Int64[np.ndarray, " t"]) -> pv.Po
     """Return these triangles of a surface as one of their own; only in the thread that renders."""
     triangles = surface.regular_faces[cells]
     used, corners = np.unique(triangles, return_inverse=True)
-    part = pv.PolyData.from_regular_faces(np.asarray(surface.points)[used], corners.reshape(-1, 3))
+    part = pv.PolyData.from_regular_faces(
+        np.asarray(surface.points)[used], corners.reshape(-1, 3).astype(int)
+    )
     part.point_data["Normals"] = np.asarray(surface.point_data["Normals"])[used]
     part.point_data.active_normals_name = "Normals"
     return part

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 def population_commands(window: MainWindow) -> list[Command]:
     """Return the commands of station Populations."""
-    space, work, dock = window.workspace, window.populations, window.plots
+    space, work = window.workspace, window.populations
     commands = [
         Command(
             "populations.measure",
@@ -68,7 +69,7 @@ def population_commands(window: MainWindow) -> list[Command]:
             Command(
                 f"populations.{name}",
                 title,
-                lambda name=name: (window.enter("populations"), dock.open_page(name)),
+                partial(_open_page, window, name),
                 "Populations",
                 f"Ctrl+Alt+{place + 1}",
                 "",
@@ -78,3 +79,9 @@ def population_commands(window: MainWindow) -> list[Command]:
             )
         )
     return commands
+
+
+def _open_page(window: MainWindow, name: str) -> None:
+    window.enter("populations")
+    window.show_plots(True)
+    window.plots.open_page(name)

@@ -47,6 +47,13 @@ class Points:
     linked: bool = True
 
 
+class Dots(pg.ScatterPlotItem):
+    """Points that leave the mouse to the plot, which also knows those beside the mouse."""
+
+    def mouseClickEvent(self, ev: Any) -> None:
+        ev.ignore()
+
+
 class BrushBox(pg.ViewBox):
     """A view in which the left button draws an outline; the middle one moves, the wheel zooms.
 
@@ -127,8 +134,8 @@ class BrushPlot(Plot):
         self._groups: list[Points] = []
         self._chosen: frozenset[int] = frozenset()
         self._current: int | None = None
-        self._scatters: list[pg.ScatterPlotItem] = []
-        self._marks = pg.ScatterPlotItem()
+        self._scatters: list[Dots] = []
+        self._marks = Dots()
         self._marks.setZValue(50)
         self.addItem(self._marks, ignoreBounds=True)
         for side in ("bottom", "left"):
@@ -153,9 +160,7 @@ class BrushPlot(Plot):
         for group in groups:
             colour = QColor(group.colour)
             colour.setAlpha(int(np.clip(2600 / np.sqrt(max(1, len(group.x))), 90, 210)))
-            scatter = pg.ScatterPlotItem(
-                group.x, group.y, size=7, symbol=group.symbol, pen=None, brush=pg.mkBrush(colour)
-            )
+            scatter = Dots(group.x, group.y, size=7, symbol=group.symbol, pen=None, brush=pg.mkBrush(colour))
             scatter.setZValue(20)
             self.addItem(scatter)
             self._scatters.append(scatter)

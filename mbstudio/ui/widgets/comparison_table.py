@@ -83,7 +83,8 @@ class ComparisonTable(QTableWidget):
     def text(self, row: str, column: int) -> str:
         """Return what stands in the row of this name."""
         place = [title for title, _ in self._rows].index(row)
-        return self.item(place, column).text()
+        cell = self.item(place, column)
+        return "" if cell is None else cell.text()
 
 
 def fill_factor(

@@ -102,12 +102,14 @@ class PopulationDock(QFrame):
             button.setCheckable(True)
             modes.addButton(button)
         self.rectangle.setChecked(True)
-        self.lasso.toggled.connect(
-            lambda on: [page.set_mode("lasso" if on else "rectangle") for page in self.pages.values()]
-        )
-        self.everything.clicked.connect(lambda: [plot.show_everything() for plot in self.page.plots])
+        self.lasso.toggled.connect(self._set_mode)
+        self.everything.clicked.connect(lambda: self.page.show_everything())
         self.save.clicked.connect(self.save_asked)
         self.copy.clicked.connect(self.copy_asked)
+
+    def _set_mode(self, lasso: bool) -> None:
+        for page in self.pages.values():
+            page.set_mode("lasso" if lasso else "rectangle")
 
     # ---- what is shown -------------------------------------------------------------------------
 

@@ -88,6 +88,10 @@ class PopulationPlot(QWidget):
         """Draw these populations."""
         self._populations, self._shown = populations, shown
         self.redraw()
+        self.show_everything()
+
+    def show_everything(self) -> None:
+        """Undo zooming."""
         for plot in self.plots:
             plot.show_everything()
 
@@ -287,15 +291,18 @@ class FormPlot(PopulationPlot):
             self._words(self.plot, name, x, y, (0.5, 1.0))
         self._line(self.plot, [0, 0], [0, 1.04], pg.mkPen(None))
 
+    def _outline(self, points: Float[np.ndarray, "points 2"], pen: object) -> None:
+        self._line(self.plot, points[:, 0], points[:, 1], pen)
+
     def _draw_triangle(self) -> None:
         grey = pg.mkPen(self._theme.tokens.faint)
         for height in SNEED_FOLK_HEIGHTS:
-            self._line(self.plot, *triangle(np.array([0.0, 1.0]), np.full(2, height)).T, grey)
+            self._outline(triangle(np.array([0.0, 1.0]), np.full(2, height)), grey)
         for side in SNEED_FOLK_SIDES:
             ends = np.array([0.0, SNEED_FOLK_HEIGHTS[-1]])
-            self._line(self.plot, *triangle(np.full(2, side), ends).T, grey)
+            self._outline(triangle(np.full(2, side), ends), grey)
         corners = triangle(np.array([0.0, 1.0, 0.5, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))
-        self._line(self.plot, *corners.T, pg.mkPen(self._theme.tokens.text, width=1.3))
+        self._outline(corners, pg.mkPen(self._theme.tokens.text, width=1.3))
         for name, (side, height) in CLASS_PLACES.items():
             x, y = triangle(np.array([side]), np.array([height]))[0]
             self._words(self.plot, SHORT[name], x, y, (0.5, 0.5))

@@ -225,7 +225,12 @@ class SweepDock(QFrame):
                     item.setData(_NAME, name)
                     self.table.setItem(place, column, item)
                     item.setSelected(name in self._chosen)
-                self.table.item(place, 0).setIcon(self._swatch(name))
+                self._head_of(place).setIcon(self._swatch(name))
+
+    def _head_of(self, row: int) -> QTableWidgetItem:
+        cell = self.table.item(row, 0)
+        assert cell is not None
+        return cell
 
     def _swatch(self, name: str) -> QIcon:
         square = QPixmap(10, 10)
@@ -237,11 +242,11 @@ class SweepDock(QFrame):
 
     def _choice_changed(self) -> None:
         picked = self.table.selectionModel().selectedRows()
-        self._chosen = [self.table.item(index.row(), 0).data(_NAME) for index in picked]
+        self._chosen = [self._head_of(index.row()).data(_NAME) for index in picked]
         rows = self._work.rows
         draw_sweep(self.loss, self.errors, rows, self._chosen, self.limit.value(), self._theme)
         for place in range(self.table.rowCount()):
-            item = self.table.item(place, 0)
+            item = self._head_of(place)
             item.setIcon(self._swatch(item.data(_NAME)))
         self._write_advice()
 
