@@ -14,9 +14,9 @@ from tests.ui.conftest import PATIENCE
 
 
 @pytest.fixture
-def sweeping(segmented, idle):
+def sweeping(with_grains, idle):
     """The window with its sweep open and one grain chosen."""
-    window = segmented
+    window = with_grains
     window.workspace.select(window.workspace.state.grains.interior_labels[0])
     assert window.commands.run("fit.sweep")
     idle()

@@ -10,12 +10,12 @@ from tests.ui.conftest import PATIENCE
 
 
 @pytest.fixture
-def ready(segmented, idle):
+def ready(with_grains, idle):
     """The window at station Fit with a grain chosen."""
-    segmented.enter("fit")
-    segmented.workspace.select(segmented.workspace.state.grains.interior_labels[0])
+    with_grains.enter("fit")
+    with_grains.workspace.select(with_grains.workspace.state.grains.interior_labels[0])
     idle()
-    return segmented
+    return with_grains
 
 
 def write(window, text):
