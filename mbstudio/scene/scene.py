@@ -59,6 +59,8 @@ class Scene:
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
         self._others: pv.Actor | None = None
+        # Not asked of the mapper: before the first rendering it may answer with an empty mesh.
+        self._overviews: dict[Layer, pv.PolyData] = {}
         self._renderer: Any = plotter.renderer
         plotter.renderer.camera.SetParallelProjection(True)
         # Else the first rendering turns the camera to pyvista's own preset.
@@ -297,6 +299,7 @@ class Scene:
         self._remove(layer)
         if surface is not None and len(surface.triangles):
             mesh = surface.poly_data()
+            self._overviews[layer] = mesh
             mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
             self._actors[layer] = self.plotter.add_mesh(
                 mesh,
@@ -321,7 +324,7 @@ class Scene:
     def _colour_labels(self, layer: Layer) -> None:
         if layer not in self._actors:
             return
-        surface = self._actors[layer].mapper.dataset
+        surface = self._overviews[layer]
         labels = surface.cell_data[LABEL_ARRAY]
         colours = label_colours(int(labels.max()))
         if self.chosen:
@@ -341,7 +344,7 @@ class Scene:
         wanted = self.chosen - {self.selected}
         if not wanted or "grains" not in self._actors:
             return
-        overview = self._actors["grains"].mapper.dataset
+        overview = self._overviews["grains"]
         cells = np.flatnonzero(np.isin(overview.cell_data[LABEL_ARRAY], list(wanted)))
         if not len(cells):
             return
@@ -354,6 +357,7 @@ class Scene:
         self._apply_visibility()
 
     def _remove(self, layer: Layer) -> None:
+        self._overviews.pop(layer, None)
         actor = self._actors.pop(layer, None)
         if actor is not None:
             self.plotter.remove_actor(actor, reset_camera=False, render=False)
