@@ -183,6 +183,39 @@ def test_choosing_a_grain_greys_the_others(plotter, grains):
     assert np.ptp(np.asarray(mesh.cell_data["colour"])[labels == 4][0].astype(int)) > 40
 
 
+def test_many_chosen_grains_stand_solid_among_glass(plotter, grains):
+    scene = Scene(plotter)
+    scene.set_grains(label_surface(grains), "um")
+    scene.select(4, {4, 9})
+    assert scene.chosen == {4, 9}
+    scene.look_from("top")
+    # Grain 9 is cut out of the overview; grain 4 has a surface of its own, set by whoever selects it.
+    pixels = scene.screenshot().astype(int)
+    solid, glass = pixels[150, 270], pixels[150, 130]
+    assert np.ptp(solid) > 2 * np.ptp(glass) > 0
+    part = scene._others.mapper.dataset.points
+    assert part[:, 0].min() == pytest.approx(100 + 21.5 * 10, abs=4)
+    scene.select(9)
+    assert scene._others is None
+    scene.select(4, {9})
+    scene.set_grains(None)
+    assert scene._others is None
+
+
+def test_an_overview_that_was_never_drawn_is_coloured(plotter, grains):
+    import gc
+
+    scene = Scene(plotter)
+    scene.show_layers({"slices"})
+    scene.set_grains(label_surface(grains), "um")
+    gc.collect()
+    scene.select(9)
+    scene.select(None, {4, 9})
+    scene.show_layers({"grains"})
+    scene.look_from("top")
+    assert np.ptp(scene.screenshot()[150, 270].astype(int)) > 40
+
+
 def test_the_theme_changes_background_and_surfaces(plotter):
     scene = Scene(plotter, LIGHT)
     scene.set_avatar(ball(1), "um")

@@ -169,13 +169,14 @@ class BrushPlot(Plot):
     def mark(self, labels: Collection[int], current: int | None = None) -> None:
         """Bring out the points of these labels."""
         self._chosen, self._current = frozenset(labels), current
-        spots = [
-            {
-                "pos": (x, y), "symbol": group.symbol, "size": 15 if label == current else 11,
-                "brush": pg.mkBrush(group.colour), "pen": pg.mkPen(self._theme.tokens.text, width=2),
-            }
-            for group, (label, x, y) in self._linked_points() if label in self._chosen
-        ]  # fmt: skip
+        pen = pg.mkPen(self._theme.tokens.text, width=2)
+        spots = []
+        for group in self._groups:
+            rows = np.flatnonzero(np.isin(group.labels, list(self._chosen))) if group.linked else []
+            for row in rows:
+                size = 15 if group.labels[row] == current else 11
+                spots.append({"pos": (group.x[row], group.y[row]), "symbol": group.symbol, "size": size,
+                              "brush": pg.mkBrush(group.colour), "pen": pen})  # fmt: skip
         self._marks.setData(spots)
         for scatter in self._scatters:
             scatter.setOpacity(0.4 if spots else 1.0)

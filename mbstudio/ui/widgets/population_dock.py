@@ -48,6 +48,7 @@ class PopulationDock(QFrame):
         self._theme = theme
         self._populations: Sequence[Population] = ()
         self._shown = Shown()
+        self._marked: tuple[Collection[int], int | None] = ((), None)
         self.pages: dict[str, PopulationPlot] = {}
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
@@ -140,8 +141,8 @@ class PopulationDock(QFrame):
 
     def mark(self, labels: Collection[int], current: int | None) -> None:
         """Bring out bodies by their labels."""
-        for page in self.pages.values():
-            page.mark(labels, current)
+        self._marked = labels, current
+        self.page.mark(labels, current)
 
     def _turn(self, *_: object) -> None:
         drawn = bool(self._populations)
@@ -150,6 +151,7 @@ class PopulationDock(QFrame):
             part.setEnabled(drawn)
         if drawn:
             self.page.show_populations(self._populations, self._shown)
+            self.page.mark(*self._marked)
 
     def _write_legend(self) -> None:
         parts = [
