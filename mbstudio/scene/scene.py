@@ -19,7 +19,7 @@ from mbstudio.scene import camera
 from mbstudio.scene.annotations import ScaleBar
 from mbstudio.scene.camera import VIEWS, View
 from mbstudio.scene.slices import SlicePlanes
-from mbstudio.scene.surfaces import LABEL_ARRAY, Surface, labelled_part
+from mbstudio.scene.surfaces import LABEL_ARRAY, Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme, label_colours, rgb
 from mbstudio.scene.volume import VolumeVoxels, add_volume
 
@@ -132,6 +132,22 @@ class Scene:
         """Show an avatar's control points (:func:`~mbstudio.scene.surfaces.control_points`)."""
         self._set_surface("points", spheres, self.theme.points, None)
 
+    def set_others(self, surface: Surface | None) -> None:
+        """Show the surface of the chosen grains beside the selected one, solid within the overview."""
+        if self._others is not None:
+            self.plotter.remove_actor(self._others, reset_camera=False, render=False)
+            self._others = None
+        if surface is None or not len(surface.triangles):
+            return
+        self._others = self.plotter.add_mesh(
+            surface.poly_data(),
+            color=self.theme.grain, smooth_shading=False, specular=0.15, specular_power=25, ambient=0.12,
+            name="chosen grains", pickable=False, reset_camera=False, render=False, show_scalar_bar=False,
+            scalars=None,
+        )  # fmt: skip
+        self._others.prop.interpolation = "Phong"
+        self._apply_visibility()
+
     def select(self, label: int | None, others: Collection[int] = ()) -> None:
         """Bring out one grain of the overview, and any others with it: the rest loses its colour."""
         self.selected = label
@@ -141,14 +157,13 @@ class Scene:
         if "grains" in self._actors:
             # Chosen grains may lie deep inside: the others turn to glass around their surfaces.
             self._actors["grains"].prop.opacity = 0.28 if self.chosen else 1.0
-        self._show_others()
 
     def clear(self) -> None:
         """Take everything away."""
         self.set_scan(None)
         for layer in LAYERS:
             self._remove(layer)
-        self._show_others()
+        self.set_others(None)
 
     # ---- how it is shown ----------------------------------------------------------------
 
@@ -317,8 +332,6 @@ class Scene:
             self._actors[layer].prop.interpolation = "Phong"
             self._actors[layer].prop.culling = "back"
             self.select(self.selected, self.chosen)
-        elif layer == "grains":
-            self._show_others()
         self._apply_visibility()
 
     def _colour_labels(self, layer: Layer) -> None:
@@ -332,29 +345,9 @@ class Scene:
             # A faint trace of its own colour stays with every other grain.
             colours = (0.78 * np.array(rgb(self.theme.muted)) + 0.22 * colours).astype(np.uint8)
             colours[[label for label in self.chosen if label < len(colours)]] = chosen
-        surface.cell_data["colour"][:] = colours[labels]
+        np.asarray(surface.cell_data["colour"])[:] = colours[labels]
         surface.GetCellData().GetArray("colour").Modified()
         surface.Modified()
-
-    def _show_others(self) -> None:
-        """Draw the chosen grains beside the selected one solid, cut out of the overview."""
-        if self._others is not None:
-            self.plotter.remove_actor(self._others, reset_camera=False, render=False)
-            self._others = None
-        wanted = self.chosen - {self.selected}
-        if not wanted or "grains" not in self._actors:
-            return
-        overview = self._overviews["grains"]
-        cells = np.flatnonzero(np.isin(overview.cell_data[LABEL_ARRAY], list(wanted)))
-        if not len(cells):
-            return
-        self._others = self.plotter.add_mesh(
-            labelled_part(overview, cells),
-            color=self.theme.grain, smooth_shading=False, specular=0.15, specular_power=25, ambient=0.12,
-            name="chosen grains", pickable=False, reset_camera=False, render=False, show_scalar_bar=False,
-        )  # fmt: skip
-        self._others.prop.interpolation = "Phong"
-        self._apply_visibility()
 
     def _remove(self, layer: Layer) -> None:
         self._overviews.pop(layer, None)

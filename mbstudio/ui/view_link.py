@@ -176,6 +176,7 @@ class ViewLink(QObject):
         grains = self.workspace.state.grains
         self._factors.clear()
         self.scene.set_grains(None)
+        self.scene.set_others(None)
         self._outline_grains()
         if grains is not None:
             longest = DETAIL[self.viewport.kind][0]
@@ -196,6 +197,7 @@ class ViewLink(QObject):
 
     def _selection_changed(self) -> None:
         self.scene.select(self.workspace.selected, self.workspace.chosen)
+        self._build_others()
         self._build_chosen()
         self._arrange()
 
@@ -297,6 +299,20 @@ class ViewLink(QObject):
                 and fit is self.workspace.state.fits.get(label)
             ),
         )
+
+    def _build_others(self) -> None:
+        """Build the grains that are chosen beside the one looked at."""
+        grains, space = self.workspace.state.grains, self.workspace
+        wanted = space.chosen - {space.selected}
+        self.scene.set_others(None)
+        if grains is not None and wanted:
+            longest = DETAIL[self.viewport.kind][0]
+            self._build(
+                "chosen grains",
+                lambda: label_surface(grains, longest, wanted),
+                self.scene.set_others,
+                lambda: grains is space.state.grains and wanted == space.chosen - {space.selected},
+            )
 
     def _build_avatars(self) -> None:
         fits, grains = self.workspace.state.fits, self.workspace.state.grains

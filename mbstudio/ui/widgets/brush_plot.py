@@ -172,8 +172,9 @@ class BrushPlot(Plot):
         pen = pg.mkPen(self._theme.tokens.text, width=2)
         spots = []
         for group in self._groups:
-            rows = np.flatnonzero(np.isin(group.labels, list(self._chosen))) if group.linked else []
-            for row in rows:
+            if not group.linked:
+                continue
+            for row in np.flatnonzero(np.isin(group.labels, list(self._chosen))):
                 size = 15 if group.labels[row] == current else 11
                 spots.append({"pos": (group.x[row], group.y[row]), "symbol": group.symbol, "size": size,
                               "brush": pg.mkBrush(group.colour), "pen": pen})  # fmt: skip
