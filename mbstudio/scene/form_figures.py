@@ -94,9 +94,9 @@ def sneed_folk_figure(populations: Sequence[Population], *, theme: SceneTheme = 
     axes.plot(*corners.T, color=theme.ink, linewidth=1.3)
     _triangle_scales(axes, theme)
     halo = [patheffects.withStroke(linewidth=3, foreground="white")]
-    for name, (side, height) in _CLASS_PLACES.items():
+    for name, (side, height) in CLASS_PLACES.items():
         x, y = triangle(np.array([side]), np.array([height]))[0]
-        axes.text(x, y, _SHORT[name], ha="center", va="center", fontsize=11, weight="bold", color=_LINE,
+        axes.text(x, y, SHORT[name], ha="center", va="center", fontsize=11, weight="bold", color=_LINE,
                   path_effects=halo, zorder=3)  # fmt: skip
     _class_table(axes, shown, diagrams, theme)
     axes.set_xlim(-0.08, 1.09 + 0.085 * len(shown))
@@ -112,11 +112,11 @@ def triangle(
     return np.stack([0.5 + (1.0 - height) * (side - 0.5), _TALL * height], axis=1)
 
 
-_SHORT = {
+SHORT = {
     "compact": "C", "compact-platy": "CP", "compact-bladed": "CB", "compact-elongate": "CE", "platy": "P",
     "bladed": "B", "elongate": "E", "very platy": "VP", "very bladed": "VB", "very elongate": "VE",
 }  # fmt: skip
-_CLASS_PLACES = {
+CLASS_PLACES = {
     "compact": (0.5, 0.79),
     "compact-platy": (1 / 6, 0.6), "compact-bladed": (0.5, 0.6), "compact-elongate": (5 / 6, 0.6),
     "platy": (1 / 6, 0.4), "bladed": (0.5, 0.4), "elongate": (5 / 6, 0.4),
@@ -145,7 +145,7 @@ def _class_table(
 ) -> None:
     """Write the share of every class beside the triangle, each population in its colour."""
     top, line = _TALL + 0.02, 0.042
-    for row, (name, short) in enumerate(_SHORT.items()):
+    for row, (name, short) in enumerate(SHORT.items()):
         y = top - line * row
         axes.text(0.74, y, short, fontsize=8.5, weight="bold", color=_LINE, va="center")
         axes.text(0.795, y, name, fontsize=8.5, color=theme.ink, va="center")

@@ -7,6 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import (
@@ -92,6 +93,34 @@ def pdf_figure(
     return _distributions(populations, factors, by, theme, "pdf")
 
 
+def distribution_figure(
+    populations: Sequence[Population],
+    factor: str,
+    *,
+    by: Weighting = "number",
+    theme: SceneTheme = LIGHT,
+) -> Figure:
+    """Draw one factor: its cumulative distributions beside its densities.
+
+    Parameters, result and errors are those of `cdf_figure`.
+    """
+    from matplotlib.figure import Figure
+
+    shown = with_bodies(populations)
+    errors = [compare(shown[0], other, [factor], by=by).get(factor) for other in shown[1:]]
+    scale, unit = readable_scale(shown, factor)
+    figure = Figure(figsize=(9.6, 4), dpi=DPI, facecolor="white", layout="constrained")
+    share = "number" if by == "number" else "mass"
+    words = (f"Cumulative share by {share}", f"Density by {share}")
+    for axes, draw, word in zip(figure.subplots(1, 2), (_draw_cdf, _draw_pdf), words, strict=True):
+        plain_axes(axes, theme)
+        draw(axes, shown, factor, by, theme, scale)
+        axes.set_xlabel(FACTOR_NAMES[factor].heading(unit), color=theme.ink)
+        axes.set_ylabel(word, color=theme.ink)
+        _legend(axes, shown, errors, theme)
+    return figure
+
+
 def _distributions(
     populations: Sequence[Population],
     factors: Sequence[str],
@@ -147,9 +176,8 @@ def _draw_pdf(
     given = [(place, p) for place, p in enumerate(shown) if len(p.values(name))]
     if not given:
         return
-    first = given[0][1]
     everything = scale * np.concatenate([p.values(name) for _, p in given])
-    edges = _widened(bin_edges(scale * first.values(name), first.weights(name, by)), everything)
+    edges = shared_edges(shown, name, by, scale)
     for place, population in given:
         values, weights = scale * population.values(name), population.weights(name, by)
         colour = colour_of(population, theme)
@@ -166,6 +194,21 @@ def _draw_pdf(
     # Kernels reach below zero where no body can lie.
     axes.set_xlim(max(low - margin, 0.0) if low >= 0 else low - margin, high + margin)
     axes.set_ylim(bottom=0)
+
+
+def shared_edges(
+    populations: Sequence[Population], factor: str, by: Weighting = "number", scale: float = 1.0
+) -> Float[np.ndarray, " edges"]:
+    """Return bins for all populations: those of the first that has the factor, widened to hold all values.
+
+    Empty if none has it.
+    """
+    given = [population for population in populations if len(population.values(factor))]
+    if not given:
+        return np.zeros(0)
+    everything = scale * np.concatenate([population.values(factor) for population in given])
+    own = bin_edges(scale * given[0].values(factor), given[0].weights(factor, by))
+    return _widened(own, everything)
 
 
 def _widened(edges: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ Nothing here knows Qt; everything here must run in the thread that owns the plot
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
@@ -51,11 +52,15 @@ class Scene:
         self.unit = unit
         self.slices: SlicePlanes | None = None
         self.selected: int | None = None
+        self.chosen: frozenset[int] = frozenset()
         self._scan: Scan | None = None
         self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
         self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0, "points": 1.0}
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
+        self._others: pv.Actor | None = None
+        # Not asked of the mapper: before the first rendering it may answer with an empty mesh.
+        self._overviews: dict[Layer, pv.PolyData] = {}
         self._renderer: Any = plotter.renderer
         plotter.renderer.camera.SetParallelProjection(True)
         # Else the first rendering turns the camera to pyvista's own preset.
@@ -127,20 +132,38 @@ class Scene:
         """Show an avatar's control points (:func:`~mbstudio.scene.surfaces.control_points`)."""
         self._set_surface("points", spheres, self.theme.points, None)
 
-    def select(self, label: int | None) -> None:
-        """Bring out one grain of the overview: the others lose their colour."""
+    def set_others(self, surface: Surface | None) -> None:
+        """Show the surface of the chosen grains beside the selected one, solid within the overview."""
+        if self._others is not None:
+            self.plotter.remove_actor(self._others, reset_camera=False, render=False)
+            self._others = None
+        if surface is None or not len(surface.triangles):
+            return
+        self._others = self.plotter.add_mesh(
+            surface.poly_data(),
+            color=self.theme.grain, smooth_shading=False, specular=0.15, specular_power=25, ambient=0.12,
+            name="chosen grains", pickable=False, reset_camera=False, render=False, show_scalar_bar=False,
+            scalars=None,
+        )  # fmt: skip
+        self._others.prop.interpolation = "Phong"
+        self._apply_visibility()
+
+    def select(self, label: int | None, others: Collection[int] = ()) -> None:
+        """Bring out one grain of the overview, and any others with it: the rest loses its colour."""
         self.selected = label
+        self.chosen = frozenset(others) | (frozenset() if label is None else {label})
         for layer in LABELLED:
             self._colour_labels(layer)
         if "grains" in self._actors:
-            # The chosen grain may lie deep inside: the others turn to glass around its own surface.
-            self._actors["grains"].prop.opacity = 1.0 if label is None else 0.28
+            # Chosen grains may lie deep inside: the others turn to glass around their surfaces.
+            self._actors["grains"].prop.opacity = 0.28 if self.chosen else 1.0
 
     def clear(self) -> None:
         """Take everything away."""
         self.set_scan(None)
         for layer in LAYERS:
             self._remove(layer)
+        self.set_others(None)
 
     # ---- how it is shown ----------------------------------------------------------------
 
@@ -181,6 +204,8 @@ class Scene:
         for layer, colour in (("grain", theme.grain), ("avatar", theme.avatar), ("points", theme.points)):
             if layer in self._actors:
                 self._actors[layer].prop.color = colour
+        if self._others is not None:
+            self._others.prop.color = theme.grain
         for layer in LABELLED:
             self._colour_labels(layer)
         self._colour_axes()
@@ -289,6 +314,7 @@ class Scene:
         self._remove(layer)
         if surface is not None and len(surface.triangles):
             mesh = surface.poly_data()
+            self._overviews[layer] = mesh
             mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
             self._actors[layer] = self.plotter.add_mesh(
                 mesh,
@@ -305,25 +331,26 @@ class Scene:
             )
             self._actors[layer].prop.interpolation = "Phong"
             self._actors[layer].prop.culling = "back"
-            self.select(self.selected)
+            self.select(self.selected, self.chosen)
         self._apply_visibility()
 
     def _colour_labels(self, layer: Layer) -> None:
         if layer not in self._actors:
             return
-        surface = self._actors[layer].mapper.dataset
+        surface = self._overviews[layer]
         labels = surface.cell_data[LABEL_ARRAY]
         colours = label_colours(int(labels.max()))
-        if self.selected is not None and self.selected < len(colours):
+        if self.chosen:
             chosen = rgb(self.theme.grain if layer == "grains" else self.theme.avatar)
             # A faint trace of its own colour stays with every other grain.
             colours = (0.78 * np.array(rgb(self.theme.muted)) + 0.22 * colours).astype(np.uint8)
-            colours[self.selected] = chosen
-        surface.cell_data["colour"][:] = colours[labels]
+            colours[[label for label in self.chosen if label < len(colours)]] = chosen
+        np.asarray(surface.cell_data["colour"])[:] = colours[labels]
         surface.GetCellData().GetArray("colour").Modified()
         surface.Modified()
 
     def _remove(self, layer: Layer) -> None:
+        self._overviews.pop(layer, None)
         actor = self._actors.pop(layer, None)
         if actor is not None:
             self.plotter.remove_actor(actor, reset_camera=False, render=False)
@@ -334,6 +361,8 @@ class Scene:
             self.slices.set_visible(self._visible["slices"])
         for layer, actor in self._actors.items():
             actor.SetVisibility(self._visible[layer] and self.opacity(layer) > 0.001)
+        if self._others is not None:
+            self._others.SetVisibility(self._visible["grains"])
         if self._box is not None:
             self._box.SetVisibility(any(self._visible[layer] for layer in ("slices", "volume", "grains")))
         self._bar.set_visible(self.points() is not None)

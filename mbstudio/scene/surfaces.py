@@ -8,7 +8,7 @@ both for ever. :meth:`Surface.poly_data` is for the thread that renders.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -122,7 +122,7 @@ def control_points(avatar: Avatar) -> Surface:
     )
 
 
-def label_surface(grains: GrainSet, longest: int = 200) -> Surface:
+def label_surface(grains: GrainSet, longest: int = 200, only: Collection[int] | None = None) -> Surface:
     """Return all grains as one smoothed surface; each triangle knows its grain's label.
 
     Parameters
@@ -130,9 +130,14 @@ def label_surface(grains: GrainSet, longest: int = 200) -> Surface:
     longest : int
         The label volume is thinned to every k-th voxel until no side is longer than this: a
         picture of two thousand grains has no use for more.
+    only : collection of int, optional
+        Labels to show; all by default. Where they touch others they are closed, too.
     """
     step = max(1, math.ceil(max(grains.labels.shape) / longest))
-    net = label_net(grains.labels[::step, ::step, ::step])
+    labels = grains.labels[::step, ::step, ::step]
+    if only is not None:
+        labels = np.where(np.isin(labels, list(only)), labels, 0)
+    net = label_net(labels)
     points = net.points * (np.array(grains.voxel_size.xyz) * step) + np.asarray(grains.origin)
     return Surface(
         points.astype(np.float32), net.triangles, vertex_normals(points, net.triangles), net.labels

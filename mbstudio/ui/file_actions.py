@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
 PROJECT_FILTER = "MetaBall Studio project (*.mbs)"
+FIGURES = (".svg", ".png", ".pdf")
 
 
 class FileActions(QObject):
@@ -101,6 +102,39 @@ class FileActions(QObject):
             self._window.messages.say("error", f"{path} cannot be written ({error}): choose another folder.")
         else:
             self._window.messages.say("success", f"Saved the view as {path}.")
+
+    def ask_report(self) -> None:
+        """Ask for a file and write the report on the populations to it."""
+        path = self._window.workspace.project.path
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            "Write report",
+            self._folder(f"{path.stem}.html" if path else "report.html"),
+            "HTML page (*.html)",
+        )
+        if name:
+            chosen = Path(name)
+            self._window.brushing.write_report(chosen if chosen.suffix else chosen.with_suffix(".html"))
+
+    def ask_figure(self) -> None:
+        """Ask for a file and save the plot that is looked at to it."""
+        name, kind = QFileDialog.getSaveFileName(
+            self._window,
+            "Save figure",
+            self._folder(f"{self._window.plots.page_name}.svg"),
+            "SVG drawing (*.svg);;PNG picture (*.png);;PDF (*.pdf)",
+        )
+        if name:
+            self.save_figure(Path(name), kind)
+
+    def save_figure(self, path: Path, kind: str = "") -> None:
+        """Save the plot that is looked at: SVG, PNG or PDF by its ending."""
+        if not path.suffix:
+            path = path.with_suffix(next((end for end in FIGURES if end in kind), ".svg"))
+        if path.suffix.lower() not in FIGURES:
+            self._window.messages.say("error", f"{path} has no ending of a figure: use {', '.join(FIGURES)}.")
+        else:
+            self._window.brushing.save_figure(path)
 
     def ask_labels(self) -> None:
         """Let the person choose a label image."""

@@ -16,6 +16,7 @@ from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
+from mbstudio.ui.population_link import PopulationLink
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_link import STATION_LAYERS, ViewLink
 from mbstudio.ui.viewport import make_viewport
@@ -27,8 +28,10 @@ from mbstudio.ui.window_layout import WindowLayout
 from mbstudio.ui.work.export_work import ExportWork
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.grain_work import GrainWork
+from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.work.project_work import ProjectWork
 from mbstudio.ui.work.scan_work import ScanWork
+from mbstudio.ui.work.sweep_work import SweepWork
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
@@ -56,6 +59,8 @@ class MainWindow(WindowLayout):
         self.scans = ScanWork(self.workspace, self.queue, self)
         self.grains = GrainWork(self.workspace, self.queue, self)
         self.fits = FitWork(self.workspace, self.queue, self)
+        self.populations = PopulationWork(self.workspace, self.queue, self)
+        self.sweeps = SweepWork(self.workspace, self.queue, self)
         self.exports = ExportWork(self.workspace, self.queue, self)
         self.projects = ProjectWork(self.workspace, self.queue, self)
         self.messages = MessageBar(self.icons)
@@ -70,6 +75,7 @@ class MainWindow(WindowLayout):
         self.setMinimumSize(900, 600)
         self._make_panels()
         self._make_docks()
+        self.brushing = PopulationLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()
@@ -90,7 +96,10 @@ class MainWindow(WindowLayout):
 
     def _connect(self) -> None:
         space, link = self.workspace, self.link
-        for signal in (space.state_changed, self.queue.changed, self.fits.changed, self.messages.shown):
+        for signal in (
+            space.state_changed, self.queue.changed, self.fits.changed, self.messages.shown,
+            self.populations.changed, self.sweeps.changed,
+        ):  # fmt: skip
             signal.connect(lambda *_: self.refresh())
         space.recent_changed.connect(self._show_recent)
         space.project_replaced.connect(lambda: self.enter("scan"))
@@ -100,12 +109,14 @@ class MainWindow(WindowLayout):
         space.fits_changed.connect(lambda: self.table.content.set_fits(space.state.fits))
         space.selection_changed.connect(self._selection_changed)
         space.fits_changed.connect(self._show_curve_of_fit)
-        for work in (self.scans, self.grains, self.fits, self.exports, self.projects):
+        for work in (
+            self.scans, self.grains, self.fits, self.populations, self.sweeps, self.exports, self.projects,
+        ):  # fmt: skip
             work.said.connect(self.messages.say)
         self.queue.failed.connect(self._task_failed)
         self.scans.asked.connect(self.files.ask_about_scan)
         self.projects.opened.connect(self.scans.reopen)
-        self.table.chosen.connect(space.select)
+        self.table.chosen.connect(space.choose)
         self.rail.chosen.connect(self.enter)
         self.fits.began.connect(lambda _: self.curve.set_losses([]))
         self.fits.losses_arrived.connect(self._losses_arrived)
@@ -114,6 +125,8 @@ class MainWindow(WindowLayout):
         self.panels_scan.slice_switched.connect(link.switch_slice)
         self.panels_scan.window_changed.connect(link.set_window)
         self.panels_fit.opacity_changed.connect(link.set_opacity)
+        self.sweep.n_chosen.connect(self.use_n)
+        self.panels_fit.sweep_button.clicked.connect(lambda: self.show_sweep(True))
         self.panels_fit.step_asked.connect(self.step_grain)
         self.panels_fit.points.toggled.connect(lambda on: self._run_layer("points", on))
         self.panels_export.folder_asked.connect(self.files.ask_export_folder)
@@ -185,14 +198,20 @@ class MainWindow(WindowLayout):
 
     def fit_grain(self) -> None:
         """Fit the chosen grain."""
-        if self.workspace.selected is not None:
+        if self.workspace.selected is not None and self.panels_fit.take_target():
             self.enter("fit")
             self.fits.fit(self.workspace.selected)
 
     def fit_all(self) -> None:
         """Fit every grain inside the scan without an avatar."""
         self.enter("fit")
-        self._whole_fit = self.fits.fit_all()
+        if self.panels_fit.take_target():
+            self._whole_fit = self.fits.fit_all()
+
+    def use_n(self, n: int) -> None:
+        """Fit with this number from now on; a target would look for another."""
+        self.workspace.change_fit_settings(n=n, target="")
+        self.messages.say("success", f"The next fits are made with n = {n}.")
 
     def more_generations(self) -> None:
         """Let the last fit go on."""
@@ -237,6 +256,8 @@ class MainWindow(WindowLayout):
         self._stack.setCurrentWidget(self.panels[station])
         self.link.enter(station)
         self._show_docks()
+        if station == "populations":
+            self.brushing.entered()
         for layer in LAYERS:
             self.commands.action(f"layer.{layer}").setVisible(layer in STATION_LAYERS[station])
         self.panels_fit.points.setChecked(self.link.is_shown("points"))
@@ -249,6 +270,18 @@ class MainWindow(WindowLayout):
     def show_curve(self, shown: bool) -> None:
         """Show or hide the convergence curve."""
         self.curve_dock.setVisible(shown)
+
+    def show_plots(self, shown: bool) -> None:
+        """Show or hide the plots of populations."""
+        self.plots_dock.setVisible(shown)
+
+    def show_sweep(self, shown: bool) -> None:
+        """Show or hide the sweep over n, which takes the curve's room."""
+        self.sweep_shown = shown
+        if shown and self.station != "fit":
+            self.enter("fit")
+        self._show_docks()
+        self.commands.refresh()
 
     def reset_layout(self) -> None:
         """Put table and curve back to where they were at first."""
@@ -284,7 +317,7 @@ class MainWindow(WindowLayout):
 
     def _selection_changed(self) -> None:
         chosen, grains = self.workspace.selected, self.workspace.state.grains
-        self.table.select_label(chosen)
+        self.table.select_labels(self.workspace.chosen, chosen)
         diameter = None
         if grains is not None and chosen is not None:
             rows = grains.table.loc[grains.table["label"] == chosen, "volume"]
@@ -317,22 +350,6 @@ class MainWindow(WindowLayout):
             self.messages.say(
                 "error", f"{task.title} failed by a mistake in mbstudio ({type(error).__name__}: {error})."
             )
-
-    def _show_recent(self) -> None:
-        recent = self.workspace.recent
-        self.welcome.show_recent(recent)
-        self._recent_menu.clear()
-        for path in recent:
-            action = self._recent_menu.addAction(path.name)
-            action.setToolTip(str(path))
-            action.triggered.connect(lambda _checked=False, chosen=path: self.files.open_path(chosen))
-        self._recent_menu.setEnabled(bool(recent))
-
-    def _show_docks(self) -> None:
-        self.table_dock.setVisible(
-            self.station in ("grains", "fit") and self.workspace.state.grains is not None
-        )
-        self.curve_dock.setVisible(self.station == "fit" and self.workspace.state.grains is not None)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         if not self._closing and self.ask_before_closing and self.workspace.is_modified:

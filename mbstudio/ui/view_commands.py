@@ -15,7 +15,8 @@ STATIONS = (
     ("scan", "Scan", "ph.stack", "The CT stack (Ctrl+1)"),
     ("grains", "Grains", "ph.polygon", "Find the grains (Ctrl+2)"),
     ("fit", "Fit", "ph.circles-three", "Fit avatars (Ctrl+3)"),
-    ("export", "Export", "ph.export", "Write DEM files (Ctrl+4)"),
+    ("populations", "Populations", "ph.chart-bar", "Compare grains and avatars (Ctrl+4)"),
+    ("export", "Export", "ph.export", "Write DEM files (Ctrl+5)"),
 )
 
 _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
@@ -106,6 +107,17 @@ def view_commands(window: MainWindow) -> list[Command]:
             "ph.chart-line",
             "Show or hide the convergence curve",
             checked=lambda: not window.curve_dock.isHidden(),
+        ),
+        Command(
+            "panel.plots",
+            "Plots of populations",
+            window.show_plots,
+            "View",
+            "",
+            "ph.chart-bar",
+            "Show or hide the plots at station Populations",
+            lambda: window.station == "populations",
+            checked=lambda: not window.plots_dock.isHidden(),
         ),
         Command("panel.reset", "Reset layout", window.reset_layout, "View", "", "", "Put the panels back"),
     ]

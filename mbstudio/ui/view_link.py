@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtGui import QGuiApplication
 
 from mbstudio.core.imaging import FitResult
 from mbstudio.core.metrics import ShapeFactors, measure
@@ -31,6 +32,7 @@ STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
     "scan": ("slices", "volume"),
     "grains": ("slices", "volume", "grains"),
     "fit": ("slices", "grain", "avatar", "points"),
+    "populations": ("slices", "grains", "avatars"),
     "export": ("slices", "grains", "avatars"),
 }
 # Longest side in voxels of overview and volume: what software renders in a fraction of a second.
@@ -81,6 +83,7 @@ class ViewLink(QObject):
             "scan": {"slices"},
             "grains": {"grains"},
             "fit": {"grain", "avatar"},
+            "populations": {"grains"},
             "export": {"avatars"},
         }
         self._factors: dict[int, ShapeFactors] = {}
@@ -173,6 +176,7 @@ class ViewLink(QObject):
         grains = self.workspace.state.grains
         self._factors.clear()
         self.scene.set_grains(None)
+        self.scene.set_others(None)
         self._outline_grains()
         if grains is not None:
             longest = DETAIL[self.viewport.kind][0]
@@ -192,7 +196,8 @@ class ViewLink(QObject):
             self.scene.slices.set_labels(grains.labels if grains is not None and fitting else None)
 
     def _selection_changed(self) -> None:
-        self.scene.select(self.workspace.selected)
+        self.scene.select(self.workspace.selected, self.workspace.chosen)
+        self._build_others()
         self._build_chosen()
         self._arrange()
 
@@ -215,7 +220,11 @@ class ViewLink(QObject):
     def _clicked(self, x: float, y: float) -> None:
         if self.scene.is_shown("grains") or self.scene.is_shown("avatars"):
             label = self.scene.label_at(x, y)
-            self.workspace.select(label)
+            adding = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
+            if not QGuiApplication.keyboardModifiers() & adding:
+                self.workspace.select(label)
+            elif label is not None:
+                self.workspace.toggle([label])
 
     # ---- building in a thread --------------------------------------------------------------------
 
@@ -291,6 +300,20 @@ class ViewLink(QObject):
             ),
         )
 
+    def _build_others(self) -> None:
+        """Build the grains that are chosen beside the one looked at."""
+        grains, space = self.workspace.state.grains, self.workspace
+        wanted = space.chosen - {space.selected}
+        self.scene.set_others(None)
+        if grains is not None and wanted:
+            longest = DETAIL[self.viewport.kind][0]
+            self._build(
+                "chosen grains",
+                lambda: label_surface(grains, longest, wanted),
+                self.scene.set_others,
+                lambda: grains is space.state.grains and wanted == space.chosen - {space.selected},
+            )
+
     def _build_avatars(self) -> None:
         fits, grains = self.workspace.state.fits, self.workspace.state.grains
         if not fits:
@@ -313,13 +336,14 @@ class ViewLink(QObject):
         """Show the layers of the station; where they are empty, what comes before them."""
         state, layers = self.workspace.state, set(self._layers[self.station])
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
-        if self.station == "grains" and state.grains is None:
+        if self.station in ("grains", "populations") and state.grains is None:
             layers |= {"slices"}
         elif (self.station == "fit" and self.workspace.selected is None) or (
             self.station == "export" and not state.fits
         ):
             layers = whole
-        if self.station == "grains" and self.workspace.selected is not None and "grains" in layers:
+        overview = self.station in ("grains", "populations")
+        if overview and self.workspace.selected is not None and "grains" in layers:
             layers |= {"grain"}
         for layer, opacity in self._opacity.items():
             self.scene.set_opacity(layer, opacity if self.station == "fit" else 1.0)

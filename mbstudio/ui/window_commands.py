@@ -6,12 +6,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.population_commands import population_commands
 from mbstudio.ui.view_commands import view_commands
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-MENUS = ("File", "Edit", "Grains", "Fit", "View", "Help")
+MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "View", "Help")
 
 
 def window_commands(window: MainWindow) -> list[Command]:
@@ -21,6 +22,7 @@ def window_commands(window: MainWindow) -> list[Command]:
         *_edit(window),
         *_grains(window),
         *_fit(window),
+        *population_commands(window),
         *view_commands(window),
         *_help(window),
     ]
@@ -269,6 +271,17 @@ def _fit(window: MainWindow) -> list[Command]:
             "ph.plus-circle",
             "Let the last search go on",
             lambda: fits.can_go_on(space.selected),
+        ),
+        Command(
+            "fit.sweep",
+            "Sweep over n",
+            window.show_sweep,
+            "Fit",
+            "Ctrl+Shift+N",
+            "ph.chart-line",
+            "Loss and errors of the chosen grains against n, at station Fit",
+            lambda: space.state.grains is not None,
+            checked=lambda: not window.sweep_dock.isHidden(),
         ),
         Command(
             "export.run",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QSettings, QSize, Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QDockWidget,
     QFrame,
@@ -18,10 +19,12 @@ from PySide6.QtWidgets import (
 
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.export_panel import ExportPanel
 from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
+from mbstudio.ui.panels.population_panel import PopulationPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_commands import STATIONS
@@ -30,11 +33,32 @@ from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.grain_table import GrainTable
 from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.plots import ConvergenceCurve
+from mbstudio.ui.widgets.population_dock import PopulationDock
 from mbstudio.ui.widgets.rail import Rail
+from mbstudio.ui.widgets.sweep_dock import SweepDock
 from mbstudio.ui.widgets.welcome import Welcome
 from mbstudio.ui.window_commands import MENUS
 from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.work.population_work import PopulationWork
+from mbstudio.ui.work.sweep_work import SweepWork
 from mbstudio.ui.workspace import Workspace
+
+ROOMY = 640  # pixels: wide enough for a bar with the names of its layers
+
+
+class ViewBar(QToolBar):
+    """The bar above the view; where there is little room its layers are icons without words."""
+
+    def __init__(self) -> None:
+        super().__init__("View")
+        self.worded: list[QToolButton] = []
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        styles = Qt.ToolButtonStyle
+        style = styles.ToolButtonTextBesideIcon if self.width() >= ROOMY else styles.ToolButtonIconOnly
+        for button in self.worded:
+            button.setToolButtonStyle(style)
+        super().resizeEvent(event)
 
 
 class WindowLayout(QMainWindow):
@@ -45,23 +69,32 @@ class WindowLayout(QMainWindow):
     icons: Icons
     workspace: Workspace
     fits: FitWork
+    populations: PopulationWork
+    sweeps: SweepWork
     messages: MessageBar
     viewport: Viewport
     commands: CommandTable
+    files: FileActions
+    station: str
+    sweep_shown: bool = False
 
     def refresh(self) -> None:
         """Bring commands, buttons and the title up to date."""
         raise NotImplementedError
 
     def _make_panels(self) -> None:
+        self._sized: list[QDockWidget] = []
+        self._swept = False
         self.panels_scan = ScanPanel(self.workspace, self.theme)
         self.panels_grains = GrainPanel(self.workspace, self.theme)
         self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
+        self.panels_populations = PopulationPanel(self.workspace, self.populations)
         self.panels_export = ExportPanel(self.workspace)
         self.panels = {
             "scan": self.panels_scan,
             "grains": self.panels_grains,
             "fit": self.panels_fit,
+            "populations": self.panels_populations,
             "export": self.panels_export,
         }
         self.rail = Rail(list(STATIONS), self.icons)
@@ -87,7 +120,14 @@ class WindowLayout(QMainWindow):
         self.table_dock = self._dock("table", "Grains", self.table, bottom)
         self.curve_dock = self._dock("curve", "Convergence", self.curve, bottom)
         self.splitDockWidget(self.table_dock, self.curve_dock, Qt.Orientation.Horizontal)
-        for dock in (self.table_dock, self.curve_dock):
+        self.plots = PopulationDock(self.theme, self.icons)
+        self.sweep = SweepDock(self.workspace, self.sweeps, self.theme)
+        right = Qt.DockWidgetArea.RightDockWidgetArea
+        self.plots_dock = self._dock("plots", "Plots of populations", self.plots, right)
+        self.sweep_dock = self._dock("sweep", "Sweep over n", self.sweep, right)
+        # Plots need the height more than the table needs the width.
+        self.setCorner(Qt.Corner.BottomRightCorner, right)
+        for dock in (self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock):
             dock.setTitleBarWidget(self._dock_title(dock))
             # Never floating: what is undocked gets lost behind the window.
             dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
@@ -119,7 +159,7 @@ class WindowLayout(QMainWindow):
         self._pages = QStackedWidget()
         self._pages.addWidget(self.welcome)
         self._pages.addWidget(self.viewport)
-        self.view_bar = QToolBar("View")
+        self.view_bar = ViewBar()
         self.view_bar.setMovable(False)
         self.view_bar.setIconSize(QSize(18, 18))
         for names in (
@@ -133,7 +173,7 @@ class WindowLayout(QMainWindow):
                 if name.startswith("layer."):
                     button = self.view_bar.widgetForAction(self.commands.action(name))
                     assert isinstance(button, QToolButton)
-                    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+                    self.view_bar.worded.append(button)
             self.view_bar.addSeparator()
         views = QToolButton()
         self.icons.set(views, "ph.video-camera")
@@ -166,3 +206,30 @@ class WindowLayout(QMainWindow):
                 self._recent_menu = menu.addMenu("Open recent")
                 menu.addSeparator()
             menu.addAction(self.commands.action(command.id))
+
+    # ---- what is to be seen now ------------------------------------------------------------------
+
+    def _show_recent(self) -> None:
+        recent = self.workspace.recent
+        self.welcome.show_recent(recent)
+        self._recent_menu.clear()
+        for path in recent:
+            action = self._recent_menu.addAction(path.name)
+            action.setToolTip(str(path))
+            action.triggered.connect(lambda _checked=False, chosen=path: self.files.open_path(chosen))
+        self._recent_menu.setEnabled(bool(recent))
+
+    def _show_docks(self) -> None:
+        there = self.workspace.state.grains is not None
+        sweeping = self.station == "fit" and self.sweep_shown
+        self.table_dock.setVisible(self.station in ("grains", "fit", "populations") and there)
+        self.curve_dock.setVisible(self.station == "fit" and there and not sweeping)
+        self.sweep_dock.setVisible(sweeping)
+        self.plots_dock.setVisible(self.station == "populations")
+        for dock in (self.sweep_dock, self.plots_dock):
+            if dock.isVisible() and dock not in self._sized:
+                self._sized.append(dock)
+                self.resizeDocks([dock], [max(400, self.width() // 3)], Qt.Orientation.Horizontal)
+        if self.curve_dock.isVisible() and self._swept != sweeping:
+            self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
+        self._swept = sweeping

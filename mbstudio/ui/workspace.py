@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,9 @@ class Workspace(QObject):
     scan : Scan or None
         The opened scan of the present state; None also while its file is missing.
     selected : int or None
-        Label of the chosen grain; one selection for table, view and panels.
+        Label of the grain looked at; one selection for table, view, panels and plots.
+    chosen : frozenset of int
+        Labels of all chosen grains, `selected` among them: brushing takes many at a time.
     """
 
     state_changed = Signal()
@@ -48,6 +50,7 @@ class Workspace(QObject):
         self.project = Project.new()
         self.scan: Scan | None = None
         self.selected: int | None = None
+        self.chosen: frozenset[int] = frozenset()
         self._scans: dict[str, Scan] = {}
         self._seen = self.project.state
         self._coalescing: str | None = None
@@ -126,7 +129,7 @@ class Workspace(QObject):
         self.project = project
         self._scans.clear()
         self._coalescing = None
-        self.selected = None
+        self.selected, self.chosen = None, frozenset()
         self._announce(all_of_it=True)
         self.selection_changed.emit()
         self.project_replaced.emit()
@@ -138,13 +141,36 @@ class Workspace(QObject):
     # ---- selection ---------------------------------------------------------------------------
 
     def select(self, label: int | None) -> None:
-        """Choose a grain by its label, or none."""
-        if label is not None and (self.state.grains is None or label not in self._labels()):
-            label = None
-        if label != self.selected:
-            self.selected = label
+        """Choose one grain by its label, or none."""
+        self.choose(() if label is None else (label,))
+
+    def choose(self, labels: Iterable[int], current: int | None = None) -> None:
+        """Choose any number of grains.
+
+        Parameters
+        ----------
+        labels : iterable of int
+            Those that are no grain's do not count.
+        current : int, optional
+            Which of them is looked at; by default the one before if it is still among them, else the first.
+        """
+        given = [int(label) for label in labels]
+        known = self._labels()
+        chosen = frozenset(given) & known
+        if current not in chosen:
+            current = self.selected if self.selected in chosen else None
+        if current is None:
+            current = next((label for label in given if label in chosen), None)
+        if (current, chosen) != (self.selected, self.chosen):
+            self.selected, self.chosen = current, chosen
             self.selection_changed.emit()
             self.state_changed.emit()
+
+    def toggle(self, labels: Iterable[int]) -> None:
+        """Add grains to the chosen ones; if all are chosen already, take them out."""
+        given = frozenset(int(label) for label in labels)
+        rest = self.chosen - given if given <= self.chosen else self.chosen | given
+        self.choose(sorted(rest), next(iter(sorted(given & rest)), None))
 
     def _labels(self) -> set[int]:
         grains = self.state.grains
@@ -183,8 +209,10 @@ class Workspace(QObject):
             self._take_scan()
             self.scan_changed.emit()
         if all_of_it or now.grains is not before.grains:
-            if self.selected is not None and self.selected not in self._labels():
-                self.selected = None
+            if not self.chosen <= self._labels():
+                self.chosen &= self._labels()
+                if self.selected not in self.chosen:
+                    self.selected = min(self.chosen, default=None)
                 self.selection_changed.emit()
             self.grains_changed.emit()
         if all_of_it or now.fits is not before.fits:

@@ -9,7 +9,14 @@ from mbstudio.core.errors import MeasureError
 from mbstudio.core.populations import size_distribution
 from mbstudio.scene.figures import drawn
 from mbstudio.scene.form_figures import sneed_folk_figure, triangle, zingg_figure
-from mbstudio.scene.population_figures import cdf_figure, joint_figure, pdf_figure, sieve_figure
+from mbstudio.scene.population_figures import (
+    cdf_figure,
+    distribution_figure,
+    joint_figure,
+    pdf_figure,
+    shared_edges,
+    sieve_figure,
+)
 from mbstudio.scene.theme import LIGHT, rgb
 from tests.core.populations.made import population
 
@@ -105,3 +112,28 @@ def test_the_triangle_of_sneed_and_folk():
     figure = sneed_folk_figure([bodies])
     assert words(figure).count("50 %") == 2
     assert near(drawn(figure), LIGHT.grain) > 20
+
+
+def test_one_factor_has_its_cdf_beside_its_density(two):
+    figure = distribution_figure(two, "sphericity")
+    left, right = figure.axes
+    assert left.get_xlabel() == right.get_xlabel() == "Sphericity ψ"
+    assert left.get_ylabel() == "Cumulative share by number"
+    assert right.get_ylabel() == "Density by number"
+    assert "δ mean 10.00 %" in left.get_legend().get_texts()[1].get_text()
+    image = drawn(figure)
+    for half in np.array_split(image, 2, axis=1):
+        assert near(half, LIGHT.grain) > 50
+        assert near(half, LIGHT.avatar) > 50
+
+
+def test_shared_bins_are_those_of_the_first_widened():
+    # Eight values with quartiles 2 and 6: 2 x 4 / 8**(1/3) = 4 wide at most, so two bins over the span of 7.
+    first = population("grains", csf=[1, 2, 3, 4, 5, 6, 7, 8])
+    other = population("avatars", csf=[-3.0, 12.0])
+    edges = shared_edges([first, other], "csf")
+    np.testing.assert_allclose(np.diff(edges), 3.5)
+    assert edges[0] <= -3.0
+    assert edges[-1] >= 12.0
+    np.testing.assert_allclose((edges - 1.0) / 3.5, np.round((edges - 1.0) / 3.5), atol=1e-9)
+    assert len(shared_edges([population("grains", csf=[np.nan])], "csf")) == 0

@@ -183,6 +183,46 @@ def test_choosing_a_grain_greys_the_others(plotter, grains):
     assert np.ptp(np.asarray(mesh.cell_data["colour"])[labels == 4][0].astype(int)) > 40
 
 
+def test_many_chosen_grains_stand_solid_among_glass(plotter, grains):
+    scene = Scene(plotter)
+    scene.set_grains(label_surface(grains), "um")
+    scene.select(4, {9})
+    assert scene.chosen == {4, 9}
+    scene.look_from("top")
+    glass = scene.screenshot()[150, 270].astype(int)
+    scene.set_others(label_surface(grains, only={9}))
+    solid = scene.screenshot()[150, 270].astype(int)
+    assert np.ptp(solid) > 2 * np.ptp(glass)
+    scene.set_others(None)
+    assert (scene.screenshot()[150, 270] == glass).all()
+
+
+def test_a_grain_cut_out_is_closed_where_it_touches_another(grains):
+    import trimesh
+
+    grains.labels[4:20, 4:28, 18:22] = 4  # now they touch
+    alone = label_surface(grains, only={9})
+    assert set(alone.labels) == {9}
+    mesh = trimesh.Trimesh(alone.points, alone.triangles)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(16 * 24 * 15 * 2000, rel=0.06)
+
+
+def test_an_overview_that_was_never_drawn_is_coloured(plotter, grains):
+    import gc
+
+    scene = Scene(plotter)
+    scene.show_layers({"slices"})
+    scene.set_grains(label_surface(grains), "um")
+    gc.collect()
+    scene.select(9)
+    scene.show_layers({"grains"})
+    scene.look_from("top")
+    picture = scene.screenshot().astype(int)
+    # The chosen one has the grains' sand colour, the other hardly any.
+    assert np.ptp(picture[150, 270]) > np.ptp(picture[150, 130]) + 10
+
+
 def test_the_theme_changes_background_and_surfaces(plotter):
     scene = Scene(plotter, LIGHT)
     scene.set_avatar(ball(1), "um")

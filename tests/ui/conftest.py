@@ -9,6 +9,8 @@ import pytest
 import tifffile
 from PySide6.QtCore import QCoreApplication, QEvent, QSettings
 
+from mbstudio.core.grains import load_labels
+from mbstudio.core.project import Project, ProjectState
 from mbstudio.ui.main_window import MainWindow
 from mbstudio.ui.theme import Theme
 
@@ -96,3 +98,20 @@ def segmented(scanned, idle):
     assert scanned.commands.run("grains.find")
     idle()
     return scanned
+
+
+@pytest.fixture(scope="session")
+def two_grains():
+    """Two ellipsoids of 10 µm voxels, neither cut by the edge, without a scan."""
+    shape = (56, 56, 56)
+    labels = ellipsoid(shape, (15, 15, 15), (9, 10, 8)).astype(np.int32)
+    labels[ellipsoid(shape, (38, 38, 38), (8, 12, 10))] = 2
+    return load_labels(labels, voxel_size="10 um")
+
+
+@pytest.fixture
+def with_grains(window, idle, two_grains):
+    """The window with two grains, and no scan that would have to be segmented."""
+    window.workspace.replace_project(Project(ProjectState(grains=two_grains)))
+    idle()
+    return window

@@ -28,6 +28,19 @@ def test_the_real_viewport_shows_scan_grains_and_avatar(segmented, idle, qtbot):
 
 
 @pytest.mark.gl
+def test_many_chosen_grains_stand_out_in_the_real_viewport(segmented, idle):
+    window = segmented
+    window.enter("grains")
+    labels = window.workspace.state.grains.interior_labels
+    window.workspace.choose(labels[:1])
+    idle()
+    one = window.viewport.picture()
+    window.workspace.choose(labels)
+    idle()
+    assert (one != window.viewport.picture()).any(axis=2).mean() > 0.01
+
+
+@pytest.mark.gl
 def test_a_click_chooses_a_grain(segmented, idle):
     window = segmented
     window.link.look_from("top")

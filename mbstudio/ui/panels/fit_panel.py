@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QSpinBox, QToolButton, QWidget
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QHBoxLayout,
+    QLineEdit,
+    QPushButton,
+    QSpinBox,
+    QToolButton,
+    QWidget,
+)
 
-from mbstudio.core.imaging import FitResult
+from mbstudio.core.errors import FitError
+from mbstudio.core.imaging import FitResult, FitTarget
 from mbstudio.core.metrics import ShapeFactors
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.widgets.factors_table import FactorsTable
-from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, row, set_badge
+from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, quiet_button, row, set_badge
 from mbstudio.ui.widgets.options_form import OptionsForm
-from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.work.fit_work import FitWork, reaches
 from mbstudio.ui.workspace import Workspace
 
 
@@ -58,6 +68,24 @@ class FitPanel(Panel):
         self.method.addItem("As in the paper", "paper")
         self.seed = QSpinBox()
         self.seed.setRange(0, 2**31 - 1)
+        self.target = QLineEdit()
+        self.target.setPlaceholderText("none, or volume 0.5 % and hausdorff 2 %")
+        self.target.setClearButtonEnabled(True)
+        self.target.setAccessibleName("Target")
+        tip = (
+            "<p>What an avatar is to reach with as few control points as may be: measures and limits joined "
+            "by <i>and</i>. Errors of any factor (volume, area, sphericity, csf …), hausdorff and rms over "
+            "D<sub>n</sub> in percent, iou at least, n at most. Empty: fit with n as above.</p>"
+        )
+        self.target.setToolTip(tip)
+        self.refusal = label("", "refusal", wrap=True)
+        self.refusal.hide()
+        self._target_shown = ""
+        self.sweep_button = quiet_button("Sweep over n …")
+        self.sweep_button.setToolTip("Try several n on the chosen grains, and see how true their avatars are")
+        name = label("Target", "key")
+        name.setBuddy(self.target)
+        name.setToolTip(tip)
         self.add_heading("Avatar")
         self.add(
             row("Control points n", self.n, "More points follow edges better and take longer"),
@@ -67,6 +95,10 @@ class FitPanel(Panel):
                 "Fast: Levenberg–Marquardt. As in the paper: Algorithms 1 and 2 to the letter",
             ),
             row("Seed", self.seed, "The same seed gives the same avatar"),
+            name,
+            self.target,
+            self.refusal,
+            self.sweep_button,
         )
         self.options = OptionsForm()
         self.add(self.options)
@@ -128,6 +160,8 @@ class FitPanel(Panel):
         )
         self.options.changed.connect(lambda options: change(options=options))
         self.seed.valueChanged.connect(lambda value: change(seed=value))
+        self.target.editingFinished.connect(self.take_target)
+        self.target.textEdited.connect(lambda _: self.refusal.hide())
         self.pause_button.clicked.connect(self._work.pause)
         self.stop_button.clicked.connect(self._work.stop)
         self.more_button.clicked.connect(lambda: self._work.go_on(self.more.value(), self.n.value()))
@@ -144,6 +178,31 @@ class FitPanel(Panel):
         ):
             signal.connect(self.refresh)
 
+    def take_target(self) -> bool:
+        """Put the target into the project's settings; return whether it can be understood.
+
+        What cannot be understood stays in its field, with the reason below.
+        """
+        text = self.target.text().strip()
+        try:
+            aims = str(FitTarget.parse(text)) if text else ""
+        except FitError as error:
+            self.refusal.setText(str(error))
+            self.refusal.show()
+            return False
+        self.refusal.hide()
+        if aims != self._workspace.state.fit_settings.target:
+            self._workspace.change_fit_settings(target=aims)
+        return True
+
+    def _show_target(self, target: str) -> None:
+        if target != self._target_shown:
+            self._target_shown = target
+            self.target.setText(target)
+            self.refusal.hide()
+        # The number is looked for; while a fit runs a change of n gives the target up.
+        self.n.setEnabled(not target or self._work.is_running)
+
     def refresh(self) -> None:
         """Show the chosen grain, its fit, and what can be done now."""
         state, label_ = self._workspace.state, self._workspace.selected
@@ -156,6 +215,7 @@ class FitPanel(Panel):
         self.method.setCurrentIndex(self.method.findData(state.fit_settings.method))
         self.method.blockSignals(False)
         self.options.show_options(state.fit_settings.method, state.fit_settings.options)
+        self._show_target(state.fit_settings.target)
         if grains is None:
             self._name.setText("No grains yet")
             self._facts.setText("Find the grains first (station Grains).")
@@ -198,6 +258,11 @@ class FitPanel(Panel):
         )
         if verdict.smallest_neck is not None:
             text += f" · smallest neck {verdict.smallest_neck:.3g} {unit}"
+        if fit.target:
+            aims = FitTarget.parse(fit.target)
+            met = "reached" if reaches(fit) else "not reached"
+            told = f": {aims.told(fit.reached)}" if fit.reached else ""
+            text += f"\nTarget {met}{told}"
         self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))
         self._reasons.show()
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 from PySide6.QtCore import (
     QAbstractTableModel,
+    QItemSelection,
     QItemSelectionModel,
     QModelIndex,
     QPersistentModelIndex,
@@ -15,6 +16,7 @@ from PySide6.QtCore import (
     Qt,
     Signal,
 )
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from mbstudio.core.grains import GrainSet
@@ -23,6 +25,7 @@ from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
+ROOMY = 500  # pixels: wide enough for all columns
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
 COLUMNS = ("Grain", "Volume", "D_n", "Edge", "Avatar", "RMS distance", "Verdict")
@@ -157,9 +160,15 @@ class GrainTableModel(QAbstractTableModel):
 
 
 class GrainTable(QTableView):
-    """The table with sorting; tells the label of the row that is chosen."""
+    """The table with sorting; tells the labels of the rows that are chosen.
 
-    chosen = Signal(object)
+    Attributes
+    ----------
+    chosen : signal (list of int, int or None)
+        Labels of all chosen rows, and that of the row with the cursor.
+    """
+
+    chosen = Signal(object, object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -172,7 +181,7 @@ class GrainTable(QTableView):
         self.setSortingEnabled(True)
         self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
         self.setAlternatingRowColors(True)
         self.setShowGrid(False)
         self.setMouseTracking(True)
@@ -182,28 +191,49 @@ class GrainTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(27)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
-        header.setMinimumSectionSize(60)
+        header.setMinimumSectionSize(52)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
-        self.selectionModel().currentRowChanged.connect(self._row_chosen)
+        self.selectionModel().selectionChanged.connect(self._rows_chosen)
+        self.selectionModel().currentRowChanged.connect(self._rows_chosen)
         self._quiet = False
 
-    def select_label(self, label: int | None) -> None:
-        """Choose the row of a label without telling it."""
-        row = None if label is None else self.content.row(label)
+    def select_labels(self, labels: Collection[int], current: int | None) -> None:
+        """Choose the rows of labels, and put the cursor on one, without telling it."""
+        if set(labels) == set(self.chosen_labels()) and current == self._current():
+            return
+        flags = QItemSelectionModel.SelectionFlag
+        rows = QItemSelection()
+        for label in labels:
+            row = self.content.row(label)
+            if row is not None:
+                index = self._sorted.mapFromSource(self.content.index(row, 0))
+                rows.select(index, index)
         self._quiet = True
         try:
-            if row is None:
-                self.clearSelection()
-                self.setCurrentIndex(QModelIndex())
-            else:
-                index = self._sorted.mapFromSource(self.content.index(row, 0))
-                self.selectionModel().setCurrentIndex(
-                    index,
-                    QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows,
-                )
+            place = None if current is None else self.content.row(current)
+            index = (
+                QModelIndex() if place is None else self._sorted.mapFromSource(self.content.index(place, 0))
+            )
+            self.selectionModel().setCurrentIndex(index, flags.NoUpdate)
+            self.selectionModel().select(rows, flags.ClearAndSelect | flags.Rows)
+            if index.isValid():
                 self.scrollTo(index)
         finally:
             self._quiet = False
+
+    def chosen_labels(self) -> list[int]:
+        """Return the labels of the chosen rows."""
+        rows = self.selectionModel().selectedRows()
+        return [self.content.label(self._sorted.mapToSource(index).row()) for index in rows]
+
+    def _current(self) -> int | None:
+        index = self.currentIndex()
+        return self.content.label(self._sorted.mapToSource(index).row()) if index.isValid() else None
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        # Beside plots not every column has room: the nominal diameter tells the volume as well.
+        self.setColumnHidden(1, self.width() < ROOMY)
+        super().resizeEvent(event)
 
     def labels_in_order(self) -> list[int]:
         """Return the labels as they stand in the table."""
@@ -212,9 +242,6 @@ class GrainTable(QTableView):
             for row in range(self._sorted.rowCount())
         ]
 
-    def _row_chosen(self, current: QModelIndex) -> None:
+    def _rows_chosen(self, *_: object) -> None:
         if not self._quiet:
-            chosen = (
-                self.content.label(self._sorted.mapToSource(current).row()) if current.isValid() else None
-            )
-            self.chosen.emit(chosen)
+            self.chosen.emit(self.chosen_labels(), self._current())

@@ -19,13 +19,18 @@ _TICKS.setPixelSize(11)
 
 
 class LogAxis(pg.AxisItem):
-    """An axis that, on a log scale, names 1, 2 and 5 times the powers of ten."""
+    """An axis that, on a log scale, names as many multiples of the powers of ten as there is room for."""
 
     def logTickValues(self, minVal: float, maxVal: float, size: float, stdTicks: Any) -> list[Any]:
         low, high = int(np.floor(minVal)), int(np.ceil(maxVal))
-        steps = (1, 2, 5) if high - low <= 3 else (1,)
-        ticks = [exponent + np.log10(step) for exponent in range(low, high + 1) for step in steps]
-        return [(1.0, [tick for tick in ticks if minVal <= tick <= maxVal])]
+        room = 20 if self.orientation == "left" else 36  # pixels that a number takes
+        for steps in ((1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9), (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,)):
+            ticks = [exponent + np.log10(step) for exponent in range(low, high + 1) for step in steps]
+            shown = [tick for tick in ticks if minVal <= tick <= maxVal]
+            gaps = np.diff(shown) * size / max(maxVal - minVal, 1e-12)
+            if not len(gaps) or gaps.min() >= room:
+                break
+        return [(1.0, shown)]
 
     def logTickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         return [
@@ -36,8 +41,11 @@ class LogAxis(pg.AxisItem):
 class Plot(pg.PlotWidget):
     """A plot without frame whose axes and grid follow the theme."""
 
-    def __init__(self, theme: Theme, bottom: str, left: str, name: str) -> None:
-        super().__init__(axisItems={"left": LogAxis(orientation="left")})
+    def __init__(
+        self, theme: Theme, bottom: str, left: str, name: str, box: pg.ViewBox | None = None
+    ) -> None:
+        axes = {"left": LogAxis(orientation="left"), "bottom": LogAxis(orientation="bottom")}
+        super().__init__(viewBox=box, axisItems=axes)
         self._theme = theme
         self._names = (bottom, left)
         self.setAccessibleName(name)
@@ -45,6 +53,11 @@ class Plot(pg.PlotWidget):
         self.hideButtons()
         self.getPlotItem().layout.setContentsMargins(4, 8, 14, 4)
         theme.changed.connect(self.repaint_theme)
+
+    def set_names(self, bottom: str, left: str) -> None:
+        """Call the axes otherwise."""
+        self._names = (bottom, left)
+        self.repaint_theme()
 
     def repaint_theme(self) -> None:
         """Take the colours of the theme that holds now."""

@@ -17,7 +17,7 @@ class Rail(QFrame):
         """`stations` are (id, title, icon, tip)."""
         super().__init__()
         self.setObjectName("rail")
-        self.setFixedWidth(78)
+        self.setFixedWidth(92)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 10, 0, 10)
         layout.setSpacing(4)
@@ -31,7 +31,7 @@ class Rail(QFrame):
             button.setCheckable(True)
             button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
             button.setIconSize(QSize(25, 25))
-            button.setFixedSize(66, 62)
+            button.setFixedSize(86, 62)
             button.setCursor(Qt.CursorShape.PointingHandCursor)
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
             icons.set(button, icon)

@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.batch import fit_many
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging import FitResult, start_fit
+from mbstudio.core.imaging import FitResult, FitTarget, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
 from mbstudio.scene.surfaces import Surface, avatar_surface, control_points
 from mbstudio.ui.work.work import Work
@@ -36,6 +36,7 @@ class _Fitting:
     label: int
     grain: Grain
     n: int
+    target: str = ""
     run: FitRun | None = None
     stop: bool = False
     refusal: str = ""  # why the last change of n was not made; told from the main thread
@@ -109,14 +110,15 @@ class FitWork(Work):
         if grains is None or self.is_running:
             return None
         settings = self.workspace.state.fit_settings
-        fitting = _Fitting(label, grains.grain(label), settings.n)
+        fitting = _Fitting(label, grains.grain(label), settings.n, settings.target)
         self._fitting = fitting
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
-            control.report(0.0, "Preparing the grain")
+            control.report(-1.0 if settings.target else 0.0, "Preparing the grain")
             fitting.run = start_fit(
-                fitting.grain, settings.n, settings.method, settings.seed, **settings.options
-            )
+                fitting.grain, settings.n, settings.method, settings.seed, target=settings.target or None,
+                **settings.options,
+            )  # fmt: skip
             return _drive(fitting)
 
         self.began.emit(label)
@@ -132,7 +134,7 @@ class FitWork(Work):
         run, fitting.stop = fitting.run, False
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
-            if n != fitting.n:
+            if n != fitting.n and not fitting.target:
                 run.change_control_points(n)
                 fitting.n = n
             run.more_generations(generations)
@@ -151,7 +153,7 @@ class FitWork(Work):
                 return
             try:
                 fitting.run.change_control_points(n)
-                fitting.n = n
+                fitting.n, fitting.target = n, ""
             except FitError as error:  # the fit that runs is not to be lost by it
                 fitting.refusal = f"{error} The fit goes on with n = {fitting.n}."
 
@@ -174,7 +176,9 @@ class FitWork(Work):
             self._task.resume()
 
     def _start(self, title: str, steps: Any, fitting: _Fitting) -> Task:
-        task = Task(title, steps, prepare=_prepare, fraction=_fraction)
+        task = Task(
+            title, steps, prepare=_prepare, fraction=_target_fraction if fitting.target else _fraction
+        )
         task.reported.connect(lambda report: self._report(fitting, report))
         task.succeeded.connect(lambda last: self._take(fitting, last))
         task.ended.connect(self.changed)
@@ -194,9 +198,16 @@ class FitWork(Work):
         if fitting.refusal:
             self.said.emit("warning", fitting.refusal)
             fitting.refusal = ""
-        losses = [
-            step.loss for step in report.steps if isinstance(step, SearchStep) and step.phase == "search"
-        ]
+        losses: list[float] = []
+        for step in report.steps:
+            if not isinstance(step, SearchStep):
+                continue
+            if step.phase != "search":
+                continue
+            if fitting.target and step.generation == 0:
+                losses.clear()
+                self.began.emit(label)  # the next number of a target's search has a curve of its own
+            losses.append(step.loss)
         if losses:
             self.losses_arrived.emit(label, losses)
         if report.view is not None:
@@ -213,6 +224,8 @@ class FitWork(Work):
                 f"valid avatar of {result.avatar.n} control points, volume "
                 f"{100 * verdict.volume_error:+.2f} %."
             )
+            if result.target and reaches(result):
+                told += f" It reaches the target: {FitTarget.parse(result.target).told(result.reached)}."
         else:
             told = " ".join(verdict.reasons)
         self.said.emit(
@@ -241,7 +254,7 @@ class FitWork(Work):
             control.report(0.0, "Starting processes")
             items = fit_many(
                 grains, wanted, n=settings.n, method=settings.method, seed=settings.seed,
-                options=settings.options,
+                options=settings.options, target=settings.target or None,
             )  # fmt: skip
             return _count(items, arrived)
 
@@ -266,11 +279,14 @@ class FitWork(Work):
         failed = [item for item in items if item.result is None]
         bad = [label for label, fit in fits.items() if not fit.verdict.valid]
         text = f"{len(fits)} grains fitted, {len(fits) - len(bad)} of the avatars valid."
+        aimed = [fit for fit in fits.values() if fit.target]
+        if aimed:
+            text += f" {sum(reaches(fit) for fit in aimed)} of {len(aimed)} reach the target."
         if bad:
             text += f" Not valid: grain {_listed(bad)}. More control points usually cure it."
         warned = [label for label, fit in fits.items() if fit.verdict.warnings]
         if warned:
-            text += f" With cavities: grain {_listed(warned)}: {' '.join(fits[warned[0]].verdict.warnings)}"
+            text += f" With warnings: grain {_listed(warned)}: {' '.join(fits[warned[0]].verdict.warnings)}"
         if failed:
             text += f" {len(failed)} could not be fitted: grain {failed[0].label}: {failed[0].error}"
         self.said.emit("warning" if bad or failed or warned else "success", text)
@@ -280,6 +296,11 @@ class FitWork(Work):
             self._task.cancel()
         self._fitting = None
         self.changed.emit()
+
+
+def reaches(fit: FitResult) -> bool:
+    """Return whether a fit has reached the target that it was made for."""
+    return bool(fit.target and fit.reached) and FitTarget.parse(fit.target).is_met(fit.reached)
 
 
 def _listed(labels: list[int]) -> str:
@@ -323,3 +344,11 @@ def _fraction(step: SearchStep | _Finished) -> tuple[float, str]:
     if step.phase == "clustering":
         return 0.15 * done, f"Sphere {step.generation} of {step.generations}"
     return 0.15 + 0.85 * done, f"Generation {step.generation} of at most {step.generations}"
+
+
+def _target_fraction(step: SearchStep | _Finished) -> tuple[float, str]:
+    """Nobody knows how many numbers a target takes: the bar only shows that work goes on."""
+    if isinstance(step, _Finished):
+        return 1.0, "Done"
+    number = step.note.partition(";")[0]
+    return -1.0, f"{number}, {_fraction(step)[1].lower()}"

@@ -1,0 +1,136 @@
+"""Numbers of several populations side by side: one row a quantity, one column a population."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
+
+from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.populations import Population, compare, moments, size_distribution
+from mbstudio.core.populations.population import Weighting
+from mbstudio.core.populations.sieving import SieveSeries
+from mbstudio.core.units import unit_label
+from mbstudio.scene.population_style import readable_scale
+
+_ROW = 25
+
+FACTOR_ROWS = (
+    ("Bodies", "Bodies of which the factor could be measured"),
+    ("Mean", "Mean; by mass each body counts by its volume"),
+    ("Std. dev.", "Sample standard deviation"),
+    ("δ mean", "100 |mean − mean of the first| / |mean of the first|: the paper's error of the mean"),
+    ("δ std. dev.", "The same of the standard deviations"),
+    ("K-S D", "Kolmogorov–Smirnov: largest distance of the two cumulative distributions"),
+    (
+        "K-S p",
+        "Probability of such a D if both were independent samples of one distribution; avatars are not "
+        "independent of their grains, so that it errs to the large side. Not defined by mass",
+    ),
+    ("Wasserstein", "Area between the two cumulative distributions, in the factor's unit"),
+)
+SIZE_ROWS = (
+    ("D10", "Effective size: 10 % of the mass is finer"),
+    ("D30", "30 % of the mass is finer"),
+    ("D50", "Median size by mass"),
+    ("D60", "60 % of the mass is finer"),
+    ("C_u", "Coefficient of uniformity D60 / D10"),
+    ("C_c", "Coefficient of curvature D30² / (D10 D60)"),
+)
+
+
+class ComparisonTable(QTableWidget):
+    """A small table without choice whose height is that of its rows."""
+
+    def __init__(self, name: str, rows: Sequence[tuple[str, str]]) -> None:
+        super().__init__(len(rows), 1)
+        self._rows = rows
+        self.setAccessibleName(name)
+        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+        self.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+        self.setShowGrid(False)
+        self.setAlternatingRowColors(True)
+        self.verticalHeader().hide()
+        self.verticalHeader().setDefaultSectionSize(_ROW)
+        for policy in (self.setHorizontalScrollBarPolicy, self.setVerticalScrollBarPolicy):
+            policy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        header = self.horizontalHeader()
+        header.setHighlightSections(False)
+        header.setSectionsClickable(False)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        self.setFixedHeight(_ROW * len(rows) + 31)
+
+    def fill(self, names: Sequence[str], columns: Sequence[Sequence[str]], units: Sequence[str]) -> None:
+        """Show one column a population; `units` stand behind the names of the rows."""
+        self.clear()
+        self.setColumnCount(1 + len(names))
+        self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.ResizeToContents)
+        for place, name in enumerate(("", *names)):
+            head = QTableWidgetItem(name)
+            head.setTextAlignment(_side(place))
+            self.setHorizontalHeaderItem(place, head)
+        for row, (title, tip) in enumerate(self._rows):
+            words = f"{title} [{units[row]}]" if units[row] else title
+            for place, text in enumerate((words, *(column[row] for column in columns))):
+                item = QTableWidgetItem(text)
+                item.setToolTip(tip)
+                item.setTextAlignment(_side(place))
+                self.setItem(row, place, item)
+
+    def text(self, row: str, column: int) -> str:
+        """Return what stands in the row of this name."""
+        place = [title for title, _ in self._rows].index(row)
+        cell = self.item(place, column)
+        return "" if cell is None else cell.text()
+
+
+def fill_factor(
+    table: ComparisonTable, populations: Sequence[Population], factor: str, by: Weighting
+) -> None:
+    """Show mean and deviation of a factor, and how far each population is from the first."""
+    scale, unit = readable_scale(populations, factor)
+    shown = FACTOR_NAMES[factor].unit(unit)
+    columns = []
+    for place, population in enumerate(populations):
+        values = population.values(factor)
+        column = [str(len(values))] + ["–"] * (len(FACTOR_ROWS) - 1)
+        if len(values):
+            column[1:3] = [_number(scale * m) for m in moments(values, population.weights(factor, by))]
+        found = compare(populations[0], population, [factor], by=by).get(factor) if place else None
+        if found is not None:
+            column[3:] = [
+                _percent(found.mean_error), _percent(found.deviation_error), f"{found.ks:.3f}",
+                "–" if not np.isfinite(found.p) else "< 0.001" if found.p < 0.001 else f"{found.p:.3f}",
+                _number(scale * found.wasserstein),
+            ]  # fmt: skip
+        columns.append(column)
+    units = ["", shown, shown, "", "", "", "", shown]
+    table.fill([population.name for population in populations], columns, units)
+
+
+def fill_sizes(table: ComparisonTable, populations: Sequence[Population], sieves: SieveSeries | None) -> None:
+    """Show the sizes of sieve curves, and the coefficients of uniformity and curvature."""
+    scale, unit = readable_scale(populations, "intermediate")
+    columns = []
+    for population in populations:
+        curve = size_distribution(population, sieves)
+        sizes = [_number(scale * d) for d in (curve.d10, curve.d30, curve.d50, curve.d60)]
+        columns.append([*sizes, _number(curve.cu), _number(curve.cc)])
+    lengths = [unit_label(unit)] * 4
+    table.fill([population.name for population in populations], columns, [*lengths, "", ""])
+
+
+def _side(column: int) -> Qt.AlignmentFlag:
+    side = Qt.AlignmentFlag.AlignLeft if column == 0 else Qt.AlignmentFlag.AlignRight
+    return side | Qt.AlignmentFlag.AlignVCenter
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "–"
+
+
+def _percent(value: float) -> str:
+    return f"{value:.2f} %" if np.isfinite(value) else "–"
