@@ -28,6 +28,7 @@ def grain_message(grain: Grain) -> Message:
         "touches_border": grain.touches_border,
         "name": grain.name,
         "filled_voxels": grain.filled_voxels,
+        "segmented": grain.segmented,
     }
     return head, {"bits": np.packbits(mask)}
 
@@ -44,6 +45,7 @@ def grain_of(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> Grain:
         head["touches_border"],
         head["name"],
         head["filled_voxels"],
+        head["segmented"],
     )
 
 

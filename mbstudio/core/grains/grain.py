@@ -37,6 +37,9 @@ class Grain:
         A short name for tables and file names.
     filled_voxels : int
         Voxels of enclosed cavities that were filled when the grain was made.
+    segmented : bool
+        Whether it was cut out of a segmented scan, whose noise its outline carries: then its area is
+        by default that of its smoothed surface (see `mbstudio.measure`).
     """
 
     mask: Bool[np.ndarray, "Z Y X"]
@@ -46,6 +49,7 @@ class Grain:
     touches_border: bool = False
     name: str = "grain"
     filled_voxels: int = 0
+    segmented: bool = False
 
     @property
     def unit(self) -> str:

@@ -80,4 +80,5 @@ class GrainSet:
         return Grain(
             mask, self.voxel_size, origin, label, bool(row["touches_border"]), f"grain {label}",
             filled_voxels=int(np.count_nonzero(mask) - np.count_nonzero(solid)),
+            segmented=True,
         )  # fmt: skip

@@ -62,7 +62,7 @@ class MeasuredBody:
 
 
 def measured_body(
-    body: Grain | Avatar | trimesh.Trimesh, unit: str | None = None, surface: VoxelSurface = "crofton"
+    body: Grain | Avatar | trimesh.Trimesh, unit: str | None = None, surface: VoxelSurface | None = None
 ) -> MeasuredBody:
     """Return a grain, avatar or mesh as what factors are computed from.
 
@@ -71,8 +71,8 @@ def measured_body(
     body : Grain, Avatar or trimesh.Trimesh
     unit : str, optional
         Unit of a mesh that carries none.
-    surface : {"crofton", "smoothed"}
-        How the area of a grain is found.
+    surface : {"crofton", "smoothed"}, optional
+        How the area of a grain is found; by default as :func:`default_surface` says.
 
     Raises
     ------
@@ -81,13 +81,22 @@ def measured_body(
     MeasureError
         If the body is empty, flat, in several pieces, or a grain of less than 2 x 2 x 2 voxels.
     """
-    if surface not in get_args(VoxelSurface):
+    if surface is not None and surface not in get_args(VoxelSurface):
         raise MeasureError(f"surface='{surface}' is not known: use 'crofton' or 'smoothed'.")
     if isinstance(body, Grain):
-        return _of_grain(body, surface)
+        return _of_grain(body, surface or default_surface(body))
     if isinstance(body, Avatar):
         return _of_avatar(body)
     return _of_mesh(body, unit)
+
+
+def default_surface(grain: Grain) -> VoxelSurface:
+    """Return how the area of a grain is found by default.
+
+    Crofton's formula counts the roughness that noise leaves on a segmented outline as area; where there is
+    none, it alone is right at edges (docs/shape-factors.md).
+    """
+    return "smoothed" if grain.segmented else "crofton"
 
 
 def _of_avatar(avatar: Avatar) -> MeasuredBody:

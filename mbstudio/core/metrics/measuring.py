@@ -31,12 +31,12 @@ def measure(
     *,
     unit: str | None = None,
     axes: AxisConvention = "obb",
-    surface: VoxelSurface = "crofton",
+    surface: VoxelSurface | None = None,
 ) -> ShapeFactors:
     """Return the shape factors of one body.
 
     A grain's volume is that of its voxels; its area follows from Crofton's formula, corrected for missed
-    chords; everything else is measured on its lightly smoothed surface. An avatar is
+    chords, or is that of its lightly smoothed surface, on which everything else is measured. An avatar is
     measured on two nested meshes with every vertex on its surface, volume
     and area extrapolated to zero edge length (within 0.1 %, usually 0.01 %).
 
@@ -50,9 +50,11 @@ def measure(
         What the three axis lengths are: edges of the oriented bounding box of least volume; smallest,
         middle and largest caliper diameter; axes of the homogeneous ellipsoid with the same
         principal moments of inertia over mass. The record states it.
-    surface : {"crofton", "smoothed"}
-        How the area of a voxel grain is found: by the corrected Crofton formula, or as that of the smoothed
-        surface, which cuts off edges (a cube 24 voxels wide loses 5 %). The record states it.
+    surface : {"crofton", "smoothed"}, optional
+        How the area of a voxel grain is found: by the corrected Crofton formula, which counts the roughness
+        of a noisy outline, or as that of the smoothed surface, which cuts off edges (a cube 24 voxels
+        wide loses 5 %). By default smoothed for grains of a segmented scan, else Crofton. The record
+        states it.
 
     Raises
     ------

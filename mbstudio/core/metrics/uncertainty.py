@@ -11,7 +11,7 @@ from jaxtyping import Shaped
 
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains.grain import Grain
-from mbstudio.core.metrics.bodies import VoxelSurface
+from mbstudio.core.metrics.bodies import VoxelSurface, default_surface
 from mbstudio.core.metrics.detail import measure_detail
 from mbstudio.core.metrics.detailed_factors import DETAILED_FACTORS, DetailedFactors
 from mbstudio.core.metrics.measuring import AxisConvention, measure
@@ -29,8 +29,8 @@ _SPREADS = 2.0
 """Standard deviations of the shifted copies on either side."""
 _UNDONE = 2.0
 """How often the loss that smoothing once more brings is undone, where the smoothed surface is measured."""
-_UNSMOOTHED = ("volume", "area", "dn", "sphericity")
-"""Found without the smoothed surface."""
+_UNSMOOTHED = {"crofton": ("volume", "area", "dn", "sphericity"), "smoothed": ("volume", "dn")}
+"""Found without the smoothed surface, by how the area is found."""
 _SIZES = (
     "volume", "area", "dn", "ds", "shortest", "intermediate", "longest",
     "inscribed", "enclosing", "feret_min", "feret_mid", "feret_max",
@@ -91,7 +91,7 @@ def factor_intervals(
     *,
     unit: str | None = None,
     axes: AxisConvention = "obb",
-    surface: VoxelSurface = "crofton",
+    surface: VoxelSurface | None = None,
     grey: Shaped[np.ndarray, "z y x"] | None = None,
     threshold: float | None = None,
     step: float | None = None,
@@ -133,6 +133,7 @@ def factor_intervals(
     """
     if (grey is None) != (threshold is None):
         raise MeasureError("Grey values and their threshold belong together: give both or none.")
+    surface = surface or default_surface(grain)
     found = measure(grain, unit=unit, axes=axes, surface=surface)
     extra = measure_detail(grain, unit=unit) if detail else None
     if grey is None or threshold is None:
@@ -144,7 +145,7 @@ def factor_intervals(
         values = _named(measure(copy, unit=unit, axes=axes, surface=surface), CORE_FACTORS)
         return values | (_named(measure_detail(copy, unit=unit), DETAILED_FACTORS) if detail else {})
 
-    copies = _Copies(numbers, field)
+    copies = _Copies(numbers, field, _UNSMOOTHED[surface])
     values = _named(found, CORE_FACTORS) | ({} if extra is None else _named(extra, DETAILED_FACTORS))
     voxel = max(grain.voxel_size.zyx) / grain.nominal_diameter
     unsettled = _unsettled(axes)
@@ -158,7 +159,10 @@ def factor_intervals(
 class _Copies:
     """The numbers of all perturbed copies of one grain."""
 
-    def __init__(self, numbers: Callable[[Grain], dict[str, float]], field: GreyField) -> None:
+    def __init__(
+        self, numbers: Callable[[Grain], dict[str, float]], field: GreyField, unsmoothed: tuple[str, ...]
+    ) -> None:
+        self._unsmoothed = unsmoothed
         self.shifted = [numbers(copy) for copy in shifted_grains(field)]
         self.thresholds = [numbers(copy) for copy in threshold_grains(field)]
         self.blurred = numbers(blurred_grain(field))
@@ -166,7 +170,7 @@ class _Copies:
     def interval(self, name: str, value: float, floor: float, axes: AxisConvention) -> tuple[float, float]:
         """Return the interval of one factor; see the notes of `factor_intervals`."""
         shifted = np.array([copy[name] for copy in self.shifted])
-        smoothed = name not in _UNSMOOTHED and not (axes == "inertia" and name in _AXES["obb"])
+        smoothed = name not in self._unsmoothed and not (axes == "inertia" and name in _AXES["obb"])
         candidates = [value, 2.0 * value - self.blurred[name], *(copy[name] for copy in self.thresholds)]
         if smoothed:
             candidates.append(value - _UNDONE * float(shifted.mean() - value))

@@ -39,8 +39,6 @@ Progress = Callable[[float, str], None]
 
 # Below this, starting processes takes longer than they save.
 FEWEST_FOR_PROCESSES = 12
-SEGMENTED_SURFACE: VoxelSurface = "smoothed"
-"""Of grains cut from a label volume: the roughness that noise leaves there is no area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +82,8 @@ def measure_population(
     kind : {'grains', 'avatars', 'clones'}
     unit : str, optional
         Of all factors; that of the first body by default.
-    axes
+    axes, surface
         As for `measure`.
-    surface : {'crofton', 'smoothed'}, optional
-        As for `measure`; by default 'smoothed' for a GrainSet and else 'crofton'. Crofton's formula counts
-        the roughness that noise leaves on segmented grains as area.
     detail : bool
         Also find the detailed factors: convexity, spheres, Feret diameters, roundness, roughness, bands.
     workers : int, optional
@@ -117,7 +112,6 @@ def measure_population(
         chosen = [int(label) for label in (bodies.table["label"] if labels is None else labels)]
         makers = _grain_makers(bodies, chosen)
         first: str | None = bodies.unit
-        surface = surface or SEGMENTED_SURFACE
     else:
         given = list(bodies)
         chosen = _labels_of(given) if labels is None else [int(label) for label in labels]
@@ -125,7 +119,7 @@ def measure_population(
             raise MeasureError(f"{len(given)} bodies have {len(chosen)} labels: give one to each.")
         makers = [_given(body) for body in given]
         first = unit or _unit_of(given)
-    asked = _conventions(unit or first, axes, surface or "crofton", detail)
+    asked = _conventions(unit or first, axes, surface, detail)
     found = _measure_all(makers, asked, workers, progress)
     return _population(name or kind, kind, chosen, found, asked)
 
@@ -149,7 +143,7 @@ def measure_project(
     labels : sequence of int, optional
         Which grains; those with an avatar by default, all interior grains if none has one.
     unit, axes, surface, detail, workers, progress
-        As for `measure_population` of a GrainSet.
+        As for `measure_population`.
 
     Raises
     ------
@@ -162,7 +156,7 @@ def measure_project(
     chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
     fitted = [label for label in chosen if label in project.fits]
     makers = _grain_makers(grains, chosen) + [_given(project.fits[label].avatar) for label in fitted]
-    asked = _conventions(unit or grains.unit, axes, surface or SEGMENTED_SURFACE, detail)
+    asked = _conventions(unit or grains.unit, axes, surface, detail)
     found = _measure_all(makers, asked, workers, progress)
     avatars = None
     if fitted:
@@ -197,10 +191,10 @@ def _unit_of(bodies: Sequence[Body]) -> str | None:
     return units[0] if units else None
 
 
-def _conventions(unit: str | None, axes: str, surface: str, detail: bool) -> Conventions:
+def _conventions(unit: str | None, axes: str, surface: str | None, detail: bool) -> Conventions:
     if axes not in ("obb", "feret", "inertia"):
         raise MeasureError(f"axes='{axes}' is not known: use 'obb', 'feret' or 'inertia'.")
-    if surface not in ("crofton", "smoothed"):
+    if surface not in (None, "crofton", "smoothed"):
         raise MeasureError(f"surface='{surface}' is not known: use 'crofton' or 'smoothed'.")
     return Conventions(None if unit is None else parse_unit(unit), axes, surface, detail)
 

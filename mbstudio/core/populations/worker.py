@@ -29,7 +29,7 @@ class Conventions:
 
     unit: str | None = None
     axes: str = "obb"
-    surface: str = "crofton"
+    surface: str | None = None
     detail: bool = False
 
 
