@@ -141,8 +141,8 @@ def balanced_draw(
     probabilities : float array, shape (candidates,)
         Their sum, a whole number up to rounding, is how many are taken.
     rows : float array, shape (candidates, balanced)
-        The sum of each column over the candidates taken is that expected, but for the last few candidates; the
-        first columns are kept the longest.
+        The sum of each column over the candidates taken is that expected, but for the last few candidates;
+        the first columns are kept the longest.
     rng : numpy.random.Generator
 
     Returns
@@ -187,7 +187,7 @@ def balanced_draw(
 
 
 def _flight(p: np.ndarray, working: list[int], design: np.ndarray, rng: np.random.Generator) -> list[int]:
-    """Move the probabilities of the working candidates along a way that changes no sum, until one is decided."""
+    """Move probabilities of the working candidates along a way that changes no sum until one is decided."""
     chosen = np.array(working)
     way = np.linalg.svd(design[chosen].T, full_matrices=True)[2][-1]
     now = p[chosen]

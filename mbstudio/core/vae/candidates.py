@@ -67,7 +67,7 @@ class Candidates:
 
     def joined(self, more: Candidates) -> Candidates:
         """Return these candidates and then the others."""
-        arrays = {
+        arrays: dict[str, Any] = {
             name: np.concatenate([getattr(self.shapes, name), getattr(more.shapes, name)])
             for name in ("centers", "log_weights", "diameters", "rms", "valid")
         }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
@@ -26,12 +26,9 @@ from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.star_factors import STAR_FACTORS
 from mbstudio.core.vae.targets import Reached, Target, parse_targets, reach_words
 
-if TYPE_CHECKING:
-    from typing import Any
-
 _FIRST_SHARE = 2.5
 _SPARE = 200
-_MOST_SHARE = 5.0
+_MOST_SHARE = 4.0
 _MOST_SHARE_OF_TARGETS = 12.0
 _MOST_ROUNDS = 8
 _CALIBRATORS = 24
@@ -147,9 +144,9 @@ def generate(
 ) -> Generation:
     """Return `count` new valid grains.
 
-    From more candidates than clones a subset is chosen whose means, standard deviations and correlations of the
-    paper's six factors are the parents' (size and shape together); with `targets`, one that departs from that
-    as little as they demand.
+    From more candidates than clones a subset is chosen whose means, standard deviations and correlations of
+    the paper's six factors are the parents' (size and shape together); with `targets`, one that departs from
+    that as little as they demand.
 
     Parameters
     ----------
@@ -241,13 +238,11 @@ class _Generating:
             found = self._choice()
             least = max(1.2 * self._count, self._count + 1)
             short = self._usable().sum() < least
-            if found is not None and not short and (found.level == 0 or self._targets):
+            if found is not None and not short and (found.level <= 1 or self._targets):
                 return found
             more = self._more(found)
             if more == 0:
-                if found is None:
-                    self._refuse()
-                return found
+                return found or self._refuse()
             self._pool = self._pool.joined(self._drawn(more))
 
     def _choice(self, kept: Sequence[int] = ()) -> Choice | None:
@@ -261,7 +256,7 @@ class _Generating:
             pairs = list(zip(self._targets, columns, strict=True))
             admitted = np.logical_and.reduce([target.admits(column) for target, column in pairs])
             asked = np.concatenate([target.rows(column, volumes) for target, column in pairs], axis=1)
-        places = np.searchsorted(usable, [i for i in kept if i in set(usable.tolist())])
+        places = np.flatnonzero(np.isin(usable, np.array(kept, dtype=np.int64))).tolist()
         found = choose(values, self._count, self._parents, rng, admitted=admitted, asked=asked, kept=places)
         return None if found is None else replace(found, rows=usable[found.rows])
 
@@ -324,10 +319,7 @@ class _Generating:
         self._measure(choice.rows[:: max(1, len(choice.rows) // _CALIBRATORS)].tolist())
         self._calibrate()
         for _ in range(_MOST_ROUNDS):
-            found = self._choice(sorted(self._exact))
-            if found is None:
-                self._refuse()
-            choice = found
+            choice = self._choice(sorted(self._exact)) or self._refuse()
             self._replaced += len(before - set(choice.rows.tolist()))
             self._measure(choice.rows.tolist())
             before = set(choice.rows.tolist())
@@ -392,7 +384,7 @@ class _Generating:
     def _words(self) -> str:
         return f"{self._count} clones with {' and '.join(str(target) for target in self._targets)}"
 
-    def _refuse(self) -> None:
+    def _refuse(self) -> NoReturn:
         usable = self._usable()
         if not self._targets:
             raise GenerationError(
@@ -427,6 +419,6 @@ class _Generating:
             else f"{self._words()}, else as like the parents as can be"
         )
         return Generation(
-            replace(pool.shapes.take(rows), names=names), pool.latents[rows], pool.parents[rows], exact, counts,
-            how, choice.effective, self._reached(choice) if self._targets else (), self._seed,
+            replace(pool.shapes.take(rows), names=names), pool.latents[rows], pool.parents[rows], exact,
+            counts, how, choice.effective, self._reached(choice) if self._targets else (), self._seed,
         )  # fmt: skip

@@ -124,7 +124,7 @@ def parental_inclusion(
     exact = np.zeros(means.shape[1] + deviations.shape[1])
     everything = np.concatenate([means, deviations, products], axis=1)
     both = everything[:, : len(exact)]
-    attempts = (
+    attempts: tuple[tuple[np.ndarray, np.ndarray | float], ...] = (
         (everything, 0.0),
         (everything, np.concatenate([exact, soft])),
         (both, 0.0),

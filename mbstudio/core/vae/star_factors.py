@@ -33,9 +33,11 @@ _NEWTON_STEPS = 4
 _AZIMUTHS = 120
 _VIEWS = 64
 _CLIMBS = 2
-_FRAMES_KEPT = 6
+_FRAMES_KEPT = 8
+_FRAMES_CLOSELY = 2
 _TRIALS = 24
-_STAGES = 14
+_STAGES = 8
+_SHRINK = 0.6
 
 
 @cache
@@ -107,7 +109,7 @@ def star_factors(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, " 1
     fine = _onto_surface(fine_directions, radii[edges].mean(axis=1), control)
     coarse_integrals, fine_integrals = _volume_and_area(points, faces), _volume_and_area(fine, fine_faces)
     volume, area = (4.0 * fine_integrals - coarse_integrals) / 3.0
-    shortest, intermediate, longest = _box_lengths(points)
+    shortest, intermediate, longest = _box_lengths(points, fine)
     shadow, perimeter = _largest_shadow(points)
     if not (volume > 0 and area > 0 and shadow > 0):
         return np.full(len(STAR_FACTORS), np.nan)
@@ -186,36 +188,48 @@ def _turned(frame, turn):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _least_box(points, frames, offsets, kept, stages):  # pragma: no cover - compiled
-    """Return the edges of the smallest box found from the best frames, by ever smaller turns."""
+def _narrowed(points, frame, offsets, angle, stages):  # pragma: no cover - compiled
+    """Return a frame of a smaller box and its volume, found by ever smaller turns."""
+    edges = _extents(points, frame)
+    volume = edges[0] * edges[1] * edges[2]
+    for _ in range(stages):
+        base = frame
+        for trial in range(len(offsets)):
+            turned = _turned(base, offsets[trial] * angle)
+            edges = _extents(points, turned)
+            product = edges[0] * edges[1] * edges[2]
+            if product < volume:
+                volume, frame = product, turned
+        angle *= _SHRINK
+    return frame, volume
+
+
+@njit(cache=True, nogil=True)
+def _least_box(points, fine, frames, offsets):  # pragma: no cover - compiled
+    """Return the edges of the smallest box: the best few of many frames, then the best of these closely."""
     volumes = np.empty(len(frames))
     for f in range(len(frames)):
         edges = _extents(points, frames[f])
         volumes[f] = edges[0] * edges[1] * edges[2]
     order = np.argsort(volumes)
+    found = np.empty((_FRAMES_KEPT, 3, 3))
+    reached = np.empty(_FRAMES_KEPT)
+    for place in range(_FRAMES_KEPT):
+        found[place], reached[place] = _narrowed(points, frames[order[place]], offsets, 0.2, _STAGES)
     best, lengths = np.inf, np.empty(3)
-    for place in range(kept):
-        frame, volume = frames[order[place]].copy(), volumes[order[place]]
-        angle = 0.2
-        for _ in range(stages):
-            base = frame
-            for trial in range(len(offsets)):
-                turned = _turned(base, offsets[trial] * angle)
-                edges = _extents(points, turned)
-                product = edges[0] * edges[1] * edges[2]
-                if product < volume:
-                    volume, frame = product, turned
-            angle *= 0.65
+    for place in np.argsort(reached)[:_FRAMES_CLOSELY]:
+        frame, volume = _narrowed(fine, found[place], offsets, 0.04, _STAGES)
         if volume < best:
-            best, lengths = volume, _extents(points, frame)
+            best, lengths = volume, _extents(fine, frame)
     return np.sort(lengths)
 
 
-def _box_lengths(points: np.ndarray) -> np.ndarray:
-    frames = np.concatenate([np.eye(3)[None], starting_frames()[::8]])
-    return _least_box(
-        np.ascontiguousarray(points.T), frames, turns(_TRIALS), _FRAMES_KEPT, _STAGES
-    )  # fmt: skip
+def _box_lengths(points: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    frames = np.concatenate([np.eye(3)[None], starting_frames()[::4]])
+    lengths: np.ndarray = _least_box(
+        np.ascontiguousarray(points.T), np.ascontiguousarray(fine.T), frames, turns(_TRIALS)
+    )
+    return lengths
 
 
 @njit(cache=True, nogil=True)
