@@ -27,6 +27,17 @@ REASONS = {
 }
 """Why a candidate is refused."""
 
+AXIS_FACTORS: dict[str, Callable[[Any, Any, Any], Any]] = {
+    "elongation": lambda _shortest, intermediate, longest: intermediate / longest,
+    "flatness": lambda shortest, intermediate, _longest: shortest / intermediate,
+    "krumbein": lambda shortest, intermediate, longest: np.cbrt(intermediate * shortest / longest**2),
+    "sneed_folk": lambda shortest, intermediate, longest: np.cbrt(shortest**2 / (intermediate * longest)),
+}
+"""Factors that follow from the quick axis lengths, as in :mod:`mbstudio.core.metrics.factors`."""
+
+QUICK_FACTORS = (*STAR_FACTORS, *AXIS_FACTORS)
+"""Factors that every candidate has."""
+
 _BLOCK = 25
 _MOST_ROUNDS = 12
 _PULL = 0.8
@@ -82,23 +93,18 @@ class Candidates:
 
 
 def axis_factor(factor: str, shortest: Any, intermediate: Any, longest: Any) -> Any:
-    """Return a factor that follows from the axis lengths, elementwise.
+    """Return one of `AXIS_FACTORS`, elementwise.
 
     Raises
     ------
     GenerationError
-        If the factor is not one that candidates are chosen by.
+        If the factor does not follow from the axis lengths.
     """
-    found = {
-        "elongation": lambda: intermediate / longest,
-        "flatness": lambda: shortest / intermediate,
-        "krumbein": lambda: np.cbrt(intermediate * shortest / longest**2),
-        "sneed_folk": lambda: np.cbrt(shortest**2 / (intermediate * longest)),
-    }
-    if factor not in found:
-        known = ", ".join((*STAR_FACTORS, *found))
-        raise GenerationError(f"Clones cannot be chosen by '{factor}': use one of {known}.")
-    return found[factor]()
+    if factor not in AXIS_FACTORS:
+        raise GenerationError(
+            f"'{factor}' does not follow from the axes: use one of {', '.join(AXIS_FACTORS)}."
+        )
+    return AXIS_FACTORS[factor](shortest, intermediate, longest)
 
 
 def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4 n"], int, np.ndarray]:

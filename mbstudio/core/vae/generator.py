@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NoReturn, Protocol
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int
+from jaxtyping import Bool, Float64, Int
 
 from mbstudio.core.errors import GenerationError
-from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.populations.measuring import measure_population
 from mbstudio.core.populations.population import Population
 from mbstudio.core.vae.candidates import (
+    QUICK_FACTORS,
     REASONS,
     REPAIRED,
     VALID,
@@ -21,9 +21,8 @@ from mbstudio.core.vae.candidates import (
     Progress,
     examined,
 )
+from mbstudio.core.vae.generation import Counts, Generation, Learner
 from mbstudio.core.vae.selection import BALANCED_FACTORS, LEVELS, Choice, Moments, choose
-from mbstudio.core.vae.serialization import Serialization
-from mbstudio.core.vae.star_factors import STAR_FACTORS
 from mbstudio.core.vae.targets import Reached, Target, parse_targets, reach_words
 
 _FIRST_SHARE = 2.5
@@ -32,104 +31,6 @@ _MOST_SHARE = 4.0
 _MOST_SHARE_OF_TARGETS = 12.0
 _MOST_ROUNDS = 8
 _CALIBRATORS = 24
-
-
-class Drawn(Protocol):
-    """What a style-learner's `sample` returns."""
-
-    @property
-    def serialization(self) -> Serialization: ...
-
-    @property
-    def latents(self) -> Float[np.ndarray, "clones d"]: ...
-
-    @property
-    def parents(self) -> Int[np.ndarray, " clones"]: ...
-
-
-class Learner(Protocol):
-    """What the generator needs of a style-learner."""
-
-    @property
-    def parents(self) -> Serialization: ...
-
-    def sample(self, count: int, seed: int = 0) -> Any: ...
-
-
-@dataclass(frozen=True)
-class Counts:
-    """What became of the candidates.
-
-    Attributes
-    ----------
-    candidates : int
-        How many the style-learner drew.
-    valid : int
-        Of these: one body without void as drawn.
-    repaired : int
-        Made one by the guard.
-    refused : mapping of str to int
-        Given up, by reason.
-    clones_repaired : int
-        Of the clones: mended ones.
-    replaced : int
-        Clones that gave way to others once they were measured exactly: outside a range that was asked for, or
-        not measurable.
-    """
-
-    candidates: int
-    valid: int
-    repaired: int
-    refused: Mapping[str, int]
-    clones_repaired: int
-    replaced: int
-
-    @property
-    def valid_share(self) -> float:
-        """Share of the candidates that were valid as drawn."""
-        return self.valid / self.candidates
-
-
-@dataclass(frozen=True, eq=False)
-class Generation:
-    """Clones, and how they came about.
-
-    Attributes
-    ----------
-    clones : Serialization
-        Every one a valid body.
-    latents : float array, shape (clones, d)
-        What each was decoded from; a repaired clone differs a little from that.
-    parents : int array, shape (clones,)
-        Row of the parent that each was drawn from, -1 for none.
-    factors : Population or None
-        Of kind 'clones', measured as grains and avatars are; None where that was not asked for.
-    counts : Counts
-    how : str
-        What of the parents' distribution they share.
-    effective : float
-        Number of candidates that were really chosen among: near the number of clones, chance had little say.
-    reached : tuple of Reached
-        What was asked for and what came of it; empty without targets.
-    seed : int
-    """
-
-    clones: Serialization
-    latents: Float[np.ndarray, "clones d"]
-    parents: Int[np.ndarray, " clones"]
-    factors: Population | None
-    counts: Counts
-    how: str
-    effective: float
-    reached: tuple[Reached, ...]
-    seed: int
-
-    def __len__(self) -> int:
-        return len(self.clones)
-
-    def avatars(self) -> list[Avatar]:
-        """Return the clones in their principal frames."""
-        return self.clones.avatars()
 
 
 def generate(
@@ -201,6 +102,8 @@ class _Generating:
     ) -> None:  # fmt: skip
         self._learner, self._count, self._seed = learner, count, seed
         self._targets, self._processes, self._report = targets, processes, report
+        # A factor that the quick way does not give is measured of every candidate.
+        self._detail = any(target.factor not in QUICK_FACTORS for target in targets)
         self._batches = 0
         self._exact: dict[int, dict[str, float]] = {}
         self._unmeasurable: set[int] = set()
@@ -284,25 +187,21 @@ class _Generating:
 
     def _column(self, name: str) -> Float64[np.ndarray, " candidates"]:
         """Return a factor of all candidates: exact where known, else the quick one, brought to scale."""
-        if name in STAR_FACTORS or name in ("elongation", "flatness", "krumbein", "sneed_folk"):
+        if name in QUICK_FACTORS:
             column = self._pool.column(name) * self._scales.get(name, 1.0)
         else:
-            self._measure_all()
+            self._measure(np.flatnonzero(self._usable()).tolist())
             column = np.full(len(self._pool), np.nan)
         for i, factors in self._exact.items():
             column[i] = factors[name]
         return column
 
-    def _measure_all(self) -> None:
-        """Measure every candidate in detail: a target names a factor that the quick way does not give."""
-        self._measure(np.flatnonzero(self._usable()).tolist(), detail=True)
-
-    def _measure(self, rows: Sequence[int], *, detail: bool = False) -> None:
+    def _measure(self, rows: Sequence[int]) -> None:
         unknown = [i for i in rows if i not in self._exact and i not in self._unmeasurable]
         if not unknown:
             return
         found = measure_population(
-            self._pool.shapes.take(unknown).avatars(), labels=unknown, kind="clones", detail=detail,
+            self._pool.shapes.take(unknown).avatars(), labels=unknown, kind="clones", detail=self._detail,
             workers=0 if self._processes == 1 else self._processes,
             progress=lambda done, words: self._report(0.5 + 0.49 * done, words),
         )  # fmt: skip
@@ -361,7 +260,7 @@ class _Generating:
     def _calibrate(self) -> None:
         rows = sorted(self._exact)
         for name in {target.factor for target in self._targets} | set(BALANCED_FACTORS):
-            if name in STAR_FACTORS or name in ("elongation", "flatness", "krumbein", "sneed_folk"):
+            if name in QUICK_FACTORS:
                 exact = np.array([self._exact[i][name] for i in rows])
                 self._scales[name] = float(exact.mean() / self._pool.column(name)[rows].mean())
 
