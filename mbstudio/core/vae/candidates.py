@@ -40,6 +40,7 @@ QUICK_FACTORS = (*STAR_FACTORS, *AXIS_FACTORS)
 
 _BLOCK = 25
 _MOST_ROUNDS = 12
+_FAR = 4.0
 _PULL = 0.8
 _GROWTH = 1.03
 
@@ -118,6 +119,9 @@ def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4
         NaN for a candidate that is refused.
     """
     nothing = np.full(len(STAR_FACTORS), np.nan)
+    # Nothing so far away belongs to the body, and a grid that reaches there would see nothing of it.
+    if np.isfinite(control).all() and np.abs(control[:3]).max() > _FAR:
+        return control, PIECES, nothing
     if not (np.isfinite(control).all() and control[3].min() > 0 and control[3].max() < 1e3):
         return control, UNUSABLE, nothing
     found = topology(control)
