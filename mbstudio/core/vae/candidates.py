@@ -140,7 +140,7 @@ def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] |
     """Pull stray control points towards the body and grow weights over voids; None where that fails."""
     mended = control.copy()
     found = topology(mended, finest=64)
-    volume = float(found.volumes[0])
+    volume = 0.0
     for _ in range(_MOST_ROUNDS):
         if found.is_sound and (found := topology(mended)).is_sound:
             break
@@ -151,12 +151,13 @@ def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] |
                 nearest = main[np.square(main - mended[:3, i]).sum(axis=1).argmin()]
                 mended[:3, i] = nearest + _PULL * (mended[:3, i] - nearest)
         else:
+            volume = volume or float(found.volumes[0])
             mended[3] *= _GROWTH
         found = topology(mended, finest=64)
     else:
         return None
     # Growing must not make the clone larger than it was drawn.
-    scale = np.cbrt(volume / float(found.volumes[0])) if found.volumes[0] > 1.01 * volume else 1.0
+    scale = np.cbrt(volume / float(found.volumes[0])) if volume else 1.0
     return mended * np.array([scale, scale, scale, scale**2])[:, None]
 
 
