@@ -47,8 +47,8 @@ def generate(
 ) -> None:
     """Generate new valid grains whose factors are distributed like their parents', or as asked for.
 
-    Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes them;
-    factors.csv holds the shape factors of all.
+    Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
+    them; factors.csv holds the shape factors of all.
     """
     from mbstudio.core.batch.processes import usable_cores
     from mbstudio.core.dem.exporting import check_replaceable

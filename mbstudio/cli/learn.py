@@ -42,7 +42,7 @@ def learn(
     ],
     preset: Annotated[
         Preset,
-        typer.Option("--preset", help="'pca' is the linear baseline, 'paper' the paper to the letter."),
+        typer.Option("--preset", help="'pca' is the linear baseline, 'paper' the paper's text."),
     ] = Preset.ALIGNED,
     n: Annotated[int, typer.Option("-n", "--n", help="Control points of each avatar.")] = 40,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of the training.")] = None,
@@ -69,9 +69,7 @@ def learn(
     options: dict[str, Any] = {}
     if steps is not None:
         if preset is Preset.PCA:
-            raise StyleError(
-                "--steps has no meaning for --preset pca: principal components are found at once."
-            )
+            raise StyleError("--steps has no meaning for --preset pca: it is found at once.")
         options["steps"] = steps
     parents = _parents(source, n, seed, grains, limit, from_avatars, unit, workers or usable_cores())
     training = StyleTraining(parents, preset.value, seed=seed, **options)

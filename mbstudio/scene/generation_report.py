@@ -19,17 +19,17 @@ from mbstudio.scene.population_style import readable_scale, with_bodies
 from mbstudio.scene.report_page import facts, heading, page, paragraph, picture, table
 
 _ERRORS = (
-    "δ = 100 |clones − parents| / |parents| of means and standard deviations. K-S D is the largest distance of "
-    "the two cumulative distributions; the Wasserstein distance, the area between them, is in standard "
+    "δ = 100 |clones − parents| / |parents| of means and standard deviations. K-S D is the largest distance "
+    "of the two cumulative distributions; the Wasserstein distance, the area between them, is in standard "
     "deviations of the parents. 'True' is what as many true new grains would score (median; in brackets what "
     "one sample in twenty exceeds): an error below it says nothing more about the population."
 )
 _NEW = (
-    "Distances are root mean square differences of ln r over 144 directions, over the eight flips of the axes "
-    "the smallest. Novelty and diversity are medians of the nearest distance over that of the parents among "
-    "themselves: 1 is as new, and as varied, as real grains. A copy is nearer to a parent than 0.3 of it. A "
-    "random forest that sees factors and radii tells clones from parents by the area under its curve: 0.5 is "
-    "guessing."
+    "Distances are root mean square differences of ln r over 144 directions, the smallest over the eight "
+    "flips of the axes. Novelty and diversity are medians of the nearest distance over that of the parents "
+    "among themselves: 1 is as new, and as varied, as real grains. A copy is nearer to a parent than 0.3 of "
+    "it. A random forest that sees factors and radii tells clones from parents by the area under its curve: "
+    "0.5 is guessing."
 )
 
 

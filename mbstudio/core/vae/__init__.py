@@ -1,8 +1,10 @@
 """MetaballVAE: serializer, style-learner and generator of new grains."""
 
+from mbstudio.core.vae.learning_on import learn_on
 from mbstudio.core.vae.serialization import FLIPS, Serialization, Template
 from mbstudio.core.vae.style_learner import StyleLearner, load_style_learner
-from mbstudio.core.vae.training import StyleTraining, TrainingStep, learn
+from mbstudio.core.vae.training import StyleTraining, learn
+from mbstudio.core.vae.training_step import TrainingStep
 
 __all__ = [
     "FLIPS",
@@ -12,5 +14,6 @@ __all__ = [
     "Template",
     "TrainingStep",
     "learn",
+    "learn_on",
     "load_style_learner",
 ]

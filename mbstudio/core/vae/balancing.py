@@ -21,6 +21,7 @@ from jaxtyping import Float, Float64, Int
 
 _MOST_ITERATIONS = 80
 _MET = 1e-6
+_DIVERGED = 1e4
 _UNDECIDED = 1e-9
 
 
@@ -100,10 +101,12 @@ def inclusion(
         else:
             break
         factors, value = trial, found
+        if np.abs(factors).max() > _DIVERGED:
+            break
     p = _sigmoid(base + design @ factors)
     missed = (design.T @ p - wanted) / count
     met = np.abs(missed + penalty * factors).max() < _MET
-    return Inclusion(p, missed[1:], float(p.sum() ** 2 / np.square(p).sum()), bool(met))
+    return Inclusion(p, missed[1:], float(p.sum() ** 2 / max(np.square(p).sum(), 1e-300)), bool(met))
 
 
 def _even(base: np.ndarray, count: int) -> float:
@@ -189,7 +192,8 @@ def balanced_draw(
 def _flight(p: np.ndarray, working: list[int], design: np.ndarray, rng: np.random.Generator) -> list[int]:
     """Move probabilities of the working candidates along a way that changes no sum until one is decided."""
     chosen = np.array(working)
-    way = np.linalg.svd(design[chosen].T, full_matrices=True)[2][-1]
+    # The last column of the complete Q is at right angles to all others, so to all columns of the design.
+    way = np.linalg.qr(design[chosen], mode="complete")[0][:, -1]
     now = p[chosen]
     with np.errstate(divide="ignore", invalid="ignore"):
         up = np.where(way > 0, (1.0 - now) / way, np.where(way < 0, -now / way, np.inf)).min()

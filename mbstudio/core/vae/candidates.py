@@ -40,6 +40,7 @@ QUICK_FACTORS = (*STAR_FACTORS, *AXIS_FACTORS)
 
 _BLOCK = 25
 _MOST_ROUNDS = 12
+_FAR = 4.0
 _PULL = 0.8
 _GROWTH = 1.03
 
@@ -118,6 +119,9 @@ def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4
         NaN for a candidate that is refused.
     """
     nothing = np.full(len(STAR_FACTORS), np.nan)
+    # Nothing so far away belongs to the body, and a grid that reaches there would see nothing of it.
+    if np.isfinite(control).all() and np.abs(control[:3]).max() > _FAR:
+        return control, PIECES, nothing
     if not (np.isfinite(control).all() and control[3].min() > 0 and control[3].max() < 1e3):
         return control, UNUSABLE, nothing
     found = topology(control)
@@ -136,7 +140,7 @@ def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] |
     """Pull stray control points towards the body and grow weights over voids; None where that fails."""
     mended = control.copy()
     found = topology(mended, finest=64)
-    volume = float(found.volumes[0])
+    volume = 0.0
     for _ in range(_MOST_ROUNDS):
         if found.is_sound and (found := topology(mended)).is_sound:
             break
@@ -147,12 +151,13 @@ def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] |
                 nearest = main[np.square(main - mended[:3, i]).sum(axis=1).argmin()]
                 mended[:3, i] = nearest + _PULL * (mended[:3, i] - nearest)
         else:
+            volume = volume or float(found.volumes[0])
             mended[3] *= _GROWTH
         found = topology(mended, finest=64)
     else:
         return None
     # Growing must not make the clone larger than it was drawn.
-    scale = np.cbrt(volume / float(found.volumes[0])) if found.volumes[0] > 1.01 * volume else 1.0
+    scale = np.cbrt(volume / float(found.volumes[0])) if volume else 1.0
     return mended * np.array([scale, scale, scale, scale**2])[:, None]
 
 

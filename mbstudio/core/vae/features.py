@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
+from scipy.special import ndtri
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.units import conversion_factor
@@ -41,28 +42,69 @@ class Scaler:
     """From serialized avatars to vectors and back.
 
     A vector holds ``5 dx`` of every control point, ``0.5 dln k`` of every one (both relative to the
-    template), and the standardised ln D_n: 4 n + 1 numbers.
+    template), and the normal score of D_n: 4 n + 1 numbers. The normal score of a size is the standard
+    normal quantile of its rank among the parents, so that drawing it from a normal distribution gives
+    sizes distributed like the parents', however skew or many-peaked these are.
 
     Attributes
     ----------
     template : Template
     unit : str
         Of the nominal diameters.
-    log_mean, log_deviation : float
-        Of ln D_n over the parents; a deviation of 1 where all have one size.
+    log_sizes : float array, shape (knots,)
+        ln D_n of the parents, rising, each once. Read-only.
+    scores : float array, shape (knots,)
+        Their normal scores; straight lines between and beyond. Read-only.
     """
 
     template: Template
     unit: str
-    log_mean: float
-    log_deviation: float
+    log_sizes: Float64[np.ndarray, " knots"]
+    scores: Float64[np.ndarray, " knots"]
+
+    def __post_init__(self) -> None:
+        log_sizes, scores = np.array(self.log_sizes, float), np.array(self.scores, float)
+        rising = log_sizes.shape == scores.shape and log_sizes.ndim == 1 and len(scores) > 0
+        if not (rising and (np.diff(log_sizes) > 0).all() and (np.diff(scores) > 0).all()):
+            raise StyleError("The normal scores of the parents' sizes do not rise with the sizes.")
+        for name, array in (("log_sizes", log_sizes), ("scores", scores)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
 
     @classmethod
     def of(cls, parents: Serialization) -> Scaler:
         """Return the scaler of these parents."""
-        logs = np.log(parents.diameters)
-        deviation = float(logs.std())
-        return cls(parents.template, parents.unit, float(logs.mean()), deviation if deviation > 1e-9 else 1.0)
+        # Sizes that differ by rounding only are one.
+        log_sizes, counts = np.unique(np.log(parents.diameters).round(9), return_counts=True)
+        ranks = (np.cumsum(counts) - 0.5 * counts) / counts.sum()
+        return cls(parents.template, parents.unit, log_sizes, ndtri(ranks))
+
+    def _slopes(self) -> tuple[float, float]:
+        """Return d score / d ln D_n below the smallest and above the largest parent.
+
+        Of the straight line through all parents, or the last two if that lets sizes run away less.
+        """
+        if len(self.scores) < 2:
+            return 1.0, 1.0
+        whole = (self.scores[-1] - self.scores[0]) / (self.log_sizes[-1] - self.log_sizes[0])
+        steps = np.diff(self.scores) / np.diff(self.log_sizes)
+        return float(max(whole, steps[0])), float(max(whole, steps[-1]))
+
+    def size_scores(self, log_sizes: Float[np.ndarray, " sizes"]) -> Float64[np.ndarray, " sizes"]:
+        """Return the normal scores of ln D_n, D_n in the scaler's unit."""
+        low, high = self._slopes()
+        inside = np.interp(log_sizes, self.log_sizes, self.scores)
+        below = np.minimum(log_sizes - self.log_sizes[0], 0.0)
+        above = np.maximum(log_sizes - self.log_sizes[-1], 0.0)
+        return inside + low * below + high * above
+
+    def sizes_of_scores(self, scores: Float[np.ndarray, " sizes"]) -> Float64[np.ndarray, " sizes"]:
+        """Return ln D_n of normal scores."""
+        low, high = self._slopes()
+        inside = np.interp(scores, self.scores, self.log_sizes)
+        below = np.minimum(scores - self.scores[0], 0.0)
+        above = np.maximum(scores - self.scores[-1], 0.0)
+        return inside + below / low + above / high
 
     @property
     def width(self) -> int:
@@ -93,9 +135,8 @@ class Scaler:
             )
 
     def sizes(self, avatars: Serialization) -> Float64[np.ndarray, " avatars"]:
-        """Return the standardised ln D_n, whatever the unit of the avatars."""
-        logs = np.log(avatars.diameters * conversion_factor(avatars.unit, self.unit))
-        return (logs - self.log_mean) / self.log_deviation
+        """Return the normal scores of D_n, whatever the unit of the avatars."""
+        return self.size_scores(np.log(avatars.diameters * conversion_factor(avatars.unit, self.unit)))
 
     def vectors(self, avatars: Serialization) -> Float64[np.ndarray, "avatars width"]:
         """Return the vectors of avatars serialized from this template."""
@@ -119,7 +160,7 @@ class Scaler:
             template=self.template,
             centers=self.template.centers + vectors[:, : 3 * n].reshape(count, n, 3) / CENTER_SCALE,
             log_weights=self.template.log_weights + vectors[:, 3 * n : 4 * n] / WEIGHT_SCALE,
-            diameters=np.exp(self.log_mean + self.log_deviation * vectors[:, -1]),
+            diameters=np.exp(self.sizes_of_scores(vectors[:, -1])),
             unit=self.unit,
             names=names or clone_names(count),
             rms=np.full(count, np.nan),

@@ -26,7 +26,7 @@ from mbstudio.core.vae.selection import BALANCED_FACTORS, LEVELS, Choice, Moment
 from mbstudio.core.vae.targets import Reached, Target, parse_targets, reach_words
 
 _FIRST_SHARE = 2.5
-_SPARE = 200
+_SPARE = 80
 _MOST_SHARE = 4.0
 _MOST_SHARE_OF_TARGETS = 12.0
 _MOST_ROUNDS = 8

@@ -44,6 +44,8 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         "template.centers": model.scaler.template.centers,
         "template.log_weights": model.scaler.template.log_weights,
         "template.exchange": model.scaler.template.exchange,
+        "sizes.logarithms": model.scaler.log_sizes,
+        "sizes.scores": model.scaler.scores,
         "latents": learner.latents,
     }
     tensors |= {f"parents.{name}": getattr(parents, name) for name in _PARENT_ARRAYS}
@@ -58,11 +60,7 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         "preset": model.preset,
         "n": model.scaler.template.n,
         "model": model.settings(),
-        "scaler": {
-            "unit": model.scaler.unit,
-            "log_mean": model.scaler.log_mean,
-            "log_deviation": model.scaler.log_deviation,
-        },
+        "unit": model.scaler.unit,
         "card": learner.card.as_dict(),
     }
     text = json.dumps(entries, indent=1, allow_nan=False)
@@ -113,9 +111,9 @@ def read_learner(folder: Path) -> StyleLearner:
         )
         scaler = Scaler(
             template,
-            str(entries["scaler"]["unit"]),
-            float(entries["scaler"]["log_mean"]),
-            float(entries["scaler"]["log_deviation"]),
+            str(entries["unit"]),
+            tensors["sizes.logarithms"],
+            tensors["sizes.scores"],
         )
         card = ModelCard.from_dict(entries["card"])
         parents = Serialization(

@@ -17,7 +17,7 @@ COPY = 0.3
 
 _SUBSETS = 8
 _BLOCK = 512
-_TREES = 300
+_TREES = 200
 _FOLDS = 5
 
 

@@ -103,15 +103,24 @@ def log_radii(avatars: Serialization) -> Float64[np.ndarray, "avatars 144"]:
     return np.log(outermost_radii(avatars.centers, avatars.log_weights))
 
 
-def surface_rms(avatars: Serialization, others: Serialization) -> Float64[np.ndarray, " avatars"]:
-    """Return the root mean square distance of two surfaces each over 1,152 directions, in D_n.
+def surface_rms(
+    avatars: Serialization, others: Serialization, *, in_octant: int = 72
+) -> Float64[np.ndarray, " avatars"]:
+    """Return the root mean square distance of two surfaces each over directions from the centroid, in D_n.
+
+    Parameters
+    ----------
+    avatars, others : Serialization
+        As many of each.
+    in_octant : int
+        Directions in one octant.
 
     Notes
     -----
     Of two points in one direction the nearer surface is about ``|dr| cos`` away, with the angle between
     direction and normal; the field's gradient at the first surface gives it.
     """
-    along = directions(144)
+    along = directions(in_octant)
     theirs = outermost_radii(others.centers, others.log_weights, along)
     ours = outermost_radii(avatars.centers, avatars.log_weights, along)
     square = np.empty(len(avatars))

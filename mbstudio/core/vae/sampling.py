@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
+from scipy.special import ndtri
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.serialization import Serialization
@@ -100,8 +101,8 @@ def band_latents(
     drawn = np.empty_like(lent)
     for number, (low, high) in enumerate(bands):
         root = _root(covariance[low:high, low:high])
-        noise = rng.standard_normal((count, high - low)) @ root.T
         part = lent[:, low:high]
+        noise = (even_normals if number == 0 else _normals)(count, high - low, rng) @ root.T
         if number == 0:
             drawn[:, low:high] = np.sqrt(1.0 - mixing**2) * part + mixing * noise
         else:
@@ -109,6 +110,22 @@ def band_latents(
             strength = np.linalg.norm(part, axis=1, keepdims=True)
             drawn[:, low:high] = noise * (strength / np.where(length > 0, length, 1.0))
     return mean + drawn, rows
+
+
+def even_normals(count: int, d: int, rng: np.random.Generator) -> Float64[np.ndarray, "count d"]:
+    """Return standard normal numbers, each column spread evenly: its mean and spread hardly miss 0 and 1.
+
+    Notes
+    -----
+    A Latin hypercube (McKay, Beckman and Conover 1979): one number of each column in each of `count`
+    intervals of equal probability.
+    """
+    places = rng.permuted(np.tile(np.arange(count)[:, None], (1, d)), axis=0)
+    return ndtri((places + rng.uniform(0.0, 1.0, (count, d))).clip(1e-12) / max(count, 1))
+
+
+def _normals(count: int, d: int, rng: np.random.Generator) -> Float64[np.ndarray, "count d"]:
+    return rng.standard_normal((count, d))
 
 
 def normal_latents(count: int, d: int, rng: np.random.Generator) -> Float64[np.ndarray, "count d"]:

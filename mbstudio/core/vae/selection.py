@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
@@ -14,6 +14,8 @@ from mbstudio.core.vae.balancing import Inclusion, balanced_draw, inclusion
 BALANCED_FACTORS = PAPER_FACTORS
 """Factors whose means, standard deviations and correlations clones share with their parents."""
 
+_SHARES = (0.2, 0.4, 0.6, 0.8)
+_FEWEST_FOR_QUANTILES = 50
 _LEAST_FREEDOM = 1.2
 _SOFTNESS = 0.03
 _STAYING = 3.0
@@ -29,12 +31,15 @@ class Moments:
     correlations : float array, shape (6, 6)
     bodies : int
         How many they were found from.
+    quantiles : float array, shape (4, 6)
+        Of 20, 40, 60 and 80 percent; no rows where there are too few bodies to tell.
     """
 
     means: Float64[np.ndarray, " 6"]
     deviations: Float64[np.ndarray, " 6"]
     correlations: Float64[np.ndarray, "6 6"]
     bodies: int
+    quantiles: Float64[np.ndarray, "q 6"]
 
     @classmethod
     def of(cls, values: Float[np.ndarray, "bodies 6"]) -> Moments:
@@ -42,7 +47,9 @@ class Moments:
         means, deviations = values.mean(axis=0), values.std(axis=0, ddof=1)
         deviations = np.where(deviations > 1e-9 * np.abs(means), deviations, 0.0)
         scaled = (values - means) / np.where(deviations > 0, deviations, np.inf)
-        return cls(means, deviations, scaled.T @ scaled / (len(values) - 1), len(values))
+        told = _SHARES if len(values) >= _FEWEST_FOR_QUANTILES else ()
+        quantiles = np.quantile(values, told, axis=0) if told else np.empty((0, values.shape[1]))
+        return cls(means, deviations, scaled.T @ scaled / (len(values) - 1), len(values), quantiles)
 
     def shrunk(self, values: Float[np.ndarray, "candidates 6"]) -> Moments:
         """Return these moments, the correlations partly those of the candidates where there are few bodies.
@@ -54,12 +61,14 @@ class Moments:
         share = pairs / (pairs + self.bodies - 1.0)
         theirs = Moments.of(values).correlations
         mixed = (1.0 - share) * self.correlations + share * theirs
-        return Moments(self.means, self.deviations, mixed, self.bodies)
+        return replace(self, correlations=mixed)
 
     def rows(
         self, values: Float[np.ndarray, "candidates 6"], count: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return what is to be zero on average for `count` clones: means, deviations, correlations.
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return what is to be zero on average for `count` clones.
+
+        Columns of means, deviations, correlations, and of shares below the quantiles.
 
         A factor in which the bodies do not differ is left out.
         """
@@ -70,7 +79,12 @@ class Moments:
         share = (count - 1.0) / count
         first, second = np.triu_indices(int(spread.sum()), 1)
         products = scaled[:, first] * scaled[:, second] - share * correlations[first, second]
-        return scaled, scaled**2 - share, products
+        shares = [
+            (values[:, spread] <= edges[spread]) - below
+            for below, edges in zip(_SHARES, self.quantiles, strict=False)
+        ]
+        below = np.concatenate(shares, axis=1) if shares else np.empty((len(values), 0))
+        return scaled, scaled**2 - share, products, below
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +110,8 @@ class Choice:
 
 
 LEVELS = (
-    "means, standard deviations and correlations as the parents'",
-    "means and standard deviations as the parents', correlations nearly",
+    "means, standard deviations and correlations as the parents', quantiles nearly",
+    "means and standard deviations as the parents', correlations and quantiles nearly",
     "means and standard deviations as the parents'",
     "means and standard deviations nearly as the parents'",
     "means nearly as the parents'",
@@ -119,21 +133,23 @@ def parental_inclusion(
     rows : float array, shape (candidates, constraints)
         The statistics that were balanced.
     """
-    means, deviations, products = parents.shrunk(values).rows(values, count)
-    soft = np.full(products.shape[1], _SOFTNESS)
-    exact = np.zeros(means.shape[1] + deviations.shape[1])
-    everything = np.concatenate([means, deviations, products], axis=1)
-    both = everything[:, : len(exact)]
+    means, deviations, products, below = parents.shrunk(values).rows(values, count)
+    everything = np.concatenate([means, deviations, products, below], axis=1)
+    hard = means.shape[1] + deviations.shape[1]
+    softness = np.full(everything.shape[1], _SOFTNESS)
+    softness[: hard + products.shape[1]] = 0.0
+    softer = np.where(np.arange(everything.shape[1]) < hard, 0.0, _SOFTNESS)
+    both = everything[:, :hard]
     attempts: tuple[tuple[np.ndarray, np.ndarray | float], ...] = (
-        (everything, 0.0),
-        (everything, np.concatenate([exact, soft])),
+        (everything, softness),
+        (everything, softer),
         (both, 0.0),
         (both, _SOFTNESS),
         (means, _SOFTNESS),
     )
     least = min(_LEAST_FREEDOM * count, 0.5 * (count + len(values)))
-    for level, (rows, softness) in enumerate(attempts):
-        found = inclusion(rows, count, softness=softness)
+    for level, (rows, allowed) in enumerate(attempts):
+        found = inclusion(rows, count, softness=allowed)
         if found.converged and found.effective >= least:
             return found, level, rows
     nothing = np.empty((len(values), 0))

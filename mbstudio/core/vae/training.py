@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,50 +18,7 @@ from mbstudio.core.vae.shape_model import Preset, ShapeModel, Tensors, model_kin
 from mbstudio.core.vae.style_learner import StyleLearner
 from mbstudio.core.vae.threads import one_thread
 from mbstudio.core.vae.training_data import TrainingData
-
-
-@dataclass(frozen=True)
-class Losses:
-    """Items of the loss at one step; their meaning is the preset's."""
-
-    reconstruction: float
-    distribution: float
-    weight: float
-    loss: float
-
-
-@dataclass(frozen=True)
-class TrainingStep:
-    """One recorded step of a training.
-
-    Attributes
-    ----------
-    step, steps : int
-        Steps done, and how many there will be.
-    reconstruction, distribution : float
-        Items of the loss (mean over the steps since the last record).
-    weight : float
-        Of the distribution item, by the annealer.
-    loss : float
-        What is minimised.
-    held_out : float
-        Validation error: root mean square surface distance of the parents that were held out and what
-        the model makes of them, in D_n (mean over them); of all parents if none is held out.
-    best : bool
-        Whether this is the best state so far, to be kept.
-    note : str
-        What happened beyond the ordinary.
-    """
-
-    step: int
-    steps: int
-    reconstruction: float
-    distribution: float
-    weight: float
-    loss: float
-    held_out: float
-    best: bool
-    note: str = ""
+from mbstudio.core.vae.training_step import Losses, TrainingStep
 
 
 class Trainer(Protocol):
@@ -95,7 +52,7 @@ class Trainer(Protocol):
 
 
 class StyleTraining:
-    """The training of one style-learner: an iterator of :class:`TrainingStep`.
+    """The training of one style-learner: an iterator of `TrainingStep`.
 
     The first record is the state before any step. Pausing is not calling ``next``; :meth:`stop` ends it
     early; :meth:`result` is at any time the learner of the best state so far.
@@ -328,13 +285,6 @@ def chosen_device(device: str) -> str:
     if device == "cuda":
         raise StyleError("There is no GPU that torch can use: train on the processor (device 'cpu').")
     return "cpu"
-
-
-def history_array(history: list[TrainingStep]) -> np.ndarray:
-    """Return the numbers of a history, one row a record."""
-    return np.array(
-        [[float(value) for key, value in asdict(step).items() if key != "note"] for step in history]
-    )
 
 
 def _mean(values: list[float]) -> float:
