@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -218,23 +219,44 @@ class Meanings:
         return best
 
     def _corrected(
-        self, moved: np.ndarray, rows: np.ndarray, goal: np.ndarray, slack: np.ndarray, most: int,
+        self,
+        moved: np.ndarray,
+        rows: np.ndarray,
+        goal: np.ndarray,
+        slack: np.ndarray,
+        most: int,
         limit: np.ndarray | float = 0.01,
-    ) -> np.ndarray:  # fmt: skip
-        """Return a latent vector whose decoded grain comes nearest to the goal; never farther than it was."""
+    ) -> np.ndarray:
+        """Return a latent vector whose decoded grain comes nearest to the goal; never farther than it was.
+
+        The regression's slopes are mended after every trial by what it really changed (Broyden's rank-one
+        update, in latents of unit covariance).
+        """
         missing = goal - self.units(self.factors(moved[None]))[0, rows]
-        weight = 1.0 / (slack / slack.min())
-        length = 1.0
+        weight = slack.min() / slack
+        slopes = self._slopes(moved, rows)
         for _ in range(most):
             if not np.isfinite(missing).all() or (np.abs(missing) <= limit).all():
                 break
-            trial = moved + self._step(moved, rows, length * missing, slack)
+            step = slopes.T @ np.linalg.solve(slopes @ slopes.T + np.diag(slack**2), missing)
+            trial = moved + self._root @ step
             left = goal - self.units(self.factors(trial[None]))[0, rows]
-            if np.isfinite(left).all() and np.square(left * weight).sum() < np.square(missing * weight).sum():
+            if not np.isfinite(left).all():
+                break
+            slopes = slopes + np.outer(missing - left - slopes @ step, step) / max(float(step @ step), 1e-300)
+            if np.square(left * weight).sum() < np.square(missing * weight).sum():
                 moved, missing = trial, left
-            else:
-                length *= 0.5
         return moved
+
+    @cached_property
+    def _root(self) -> Float64[np.ndarray, "d d"]:
+        """A matrix R with R R' the parents' covariance."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def _slopes(self, latent: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return the regression's slopes, in deviations of the factors by latents of unit covariance."""
+        return self.regression.gradient(latent)[rows] @ self._root / self.deviation[rows][:, None]
 
     def _estimate(self, latent: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return np.asarray(self.units(self.regression.values(latent[None]))[0, rows])
@@ -243,9 +265,10 @@ class Meanings:
         self, latent: np.ndarray, rows: np.ndarray, wanted: np.ndarray, slack: np.ndarray
     ) -> np.ndarray:
         """Return the most probable change of the latents with which the factors change as wanted."""
-        slopes = self.regression.gradient(latent)[rows] / self.deviation[rows][:, None]
-        spread = slopes @ self.covariance
-        return np.asarray(spread.T @ np.linalg.solve(spread @ slopes.T + np.diag(slack**2), wanted))
+        slopes = self._slopes(latent, rows)
+        return np.asarray(
+            self._root @ (slopes.T @ np.linalg.solve(slopes @ slopes.T + np.diag(slack**2), wanted))
+        )
 
     def _held_by(self, asked: tuple[str, ...]) -> tuple[str, ...]:
         held = [set(HELD[name]) for name in asked]
