@@ -128,7 +128,7 @@ def test_a_learner_without_flips_works_too() -> None:
         (lambda learner: hand.noisy(learner, learner.latents[0][:-1], 0.5), "does not belong"),
         (lambda learner: hand.noisy(learner, learner.latents[0] * np.nan, 0.5), "finite"),
         (lambda learner: hand.morphed(learner, learner.latents[0], learner.latents[1], 1), "2 or more"),
-        (lambda learner: hand.interpolated(learner, learner.latents[0], learner.latents[1], [np.inf]), "fini"),
+        (lambda learner: hand.interpolated(learner, *learner.latents[:2], [np.inf]), "finite"),
         (lambda learner: hand.blended(learner, learner.latents[:2], [1.0]), "finite weights"),
         (lambda learner: hand.added(learner, *learner.latents[:3], strength=np.nan), "finite"),
     ],
