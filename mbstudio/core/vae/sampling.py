@@ -67,6 +67,7 @@ def band_latents(
     rng: np.random.Generator,
     *,
     mixing: float = 0.5,
+    turning: float = 1.0,
 ) -> tuple[Float64[np.ndarray, "count d"], Int[np.ndarray, " count"]]:
     """Return new latent vectors, and the parent that lent its strength to each.
 
@@ -106,9 +107,10 @@ def band_latents(
         if number == 0:
             drawn[:, low:high] = np.sqrt(1.0 - mixing**2) * part + mixing * noise
         else:
-            length = np.linalg.norm(noise, axis=1, keepdims=True)
+            turned = np.sqrt(1.0 - turning**2) * part + turning * noise
+            length = np.linalg.norm(turned, axis=1, keepdims=True)
             strength = np.linalg.norm(part, axis=1, keepdims=True)
-            drawn[:, low:high] = noise * (strength / np.where(length > 0, length, 1.0))
+            drawn[:, low:high] = turned * (strength / np.where(length > 0, length, 1.0))
     return mean + drawn, rows
 
 

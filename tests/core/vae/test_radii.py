@@ -57,7 +57,7 @@ def test_surface_rms_of_concentric_spheres_and_a_shift() -> None:
     )
     larger = replace(sphere, log_weights=np.full((2, 16), np.log(0.3025 / 16)))
     np.testing.assert_allclose(surface_rms(sphere, larger), 0.05, rtol=1e-6)
-    moved = replace(sphere, centers=sphere.centers + [0.001, 0.0, 0.0])
+    moved = replace(sphere, centers=sphere.centers + np.array([0.001, 0.0, 0.0]))
     # Of a shift d only its normal part counts: d sqrt(mean cos^2) = d / sqrt(3).
     np.testing.assert_allclose(surface_rms(sphere, moved), 0.001 / np.sqrt(3), rtol=2e-2)
 

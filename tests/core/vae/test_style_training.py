@@ -113,7 +113,7 @@ def test_restart_is_as_if_nothing_had_happened(preset: str, tmp_path: Path) -> N
 def test_checkpoints_of_others_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "training.safetensors"
     StyleTraining(population(24), checkpoint=file, **QUICK).run()
-    with pytest.raises(StyleError, match="another training.*parents"):
+    with pytest.raises(StyleError, match=r"another training.*parents"):
         StyleTraining(population(24, seed=1), checkpoint=file, **QUICK)
     with pytest.raises(StyleError, match=r"another training.*seed"):
         StyleTraining(population(24), seed=1, checkpoint=file, **QUICK)
