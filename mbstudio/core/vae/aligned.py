@@ -58,7 +58,7 @@ class AlignedOptions:
     """
 
     latents: int = 32
-    details: int = 64
+    details: int = 128
     steps: int = 0
     batch: int = 64
     rate: float = 1e-3
