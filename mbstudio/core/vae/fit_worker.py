@@ -44,7 +44,9 @@ def serve() -> None:
 
     def answer(answers: BinaryIO, head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         stiffness = arrays.pop("template_stiffness", None)
-        template = Template(*(arrays.pop(f"template_{field}") for field in _TEMPLATE), stiffness)
+        template = Template(
+            **{field: arrays.pop(f"template_{field}") for field in _TEMPLATE}, stiffness=stiffness
+        )
         body = body_of(head["body"], arrays)
         try:
             fitted = fit_from_template(

@@ -41,7 +41,10 @@ def serialization_of(arrays: Mapping[str, np.ndarray], source: str = "The file")
     if missing:
         raise SerializationError(f"{source} holds no serialized avatars: '{missing[0]}' is missing.")
     return Serialization(
-        Template(*(arrays[f"template_{name}"] for name in _TEMPLATE), arrays.get("template_stiffness")),
+        Template(
+            **{name: arrays[f"template_{name}"] for name in _TEMPLATE},
+            stiffness=arrays.get("template_stiffness"),
+        ),
         **{name: arrays[name] for name in _ARRAYS},
         unit=str(arrays["unit"]),
         names=tuple(str(name) for name in arrays["names"]),
