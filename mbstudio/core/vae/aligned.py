@@ -57,7 +57,7 @@ class AlignedOptions:
         If a number is out of its range.
     """
 
-    latents: int = 32
+    latents: int = 64
     details: int = 128
     steps: int = 0
     batch: int = 64

@@ -67,6 +67,7 @@ def test_card_says_what_it_was_trained_on(learner: StyleLearner) -> None:
     assert 0 < card.held_out_rms < 0.2
     assert "mbstudio" in card.versions
     assert any("literally" in note for note in card.notes) == (learner.preset == "paper")
+    assert any("fewer than 50 parents" in note for note in card.notes) == (learner.preset == "aligned")
 
 
 def test_sample_follows_seed(learner: StyleLearner) -> None:
