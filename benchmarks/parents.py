@@ -206,7 +206,8 @@ def make_parents(name: str, folder: Path, n: int) -> Parents:
             held = serialize(bodies, n)
             spent = (time.process_time() - begin) / len(bodies)
             arrays = serialization_arrays(held)
-            arrays |= {f"avatar_{key}": value for key, value in factors(held.avatars(), unit).items()}
+            arrays |= {f"avatar_{key}": value for key, value in factors(held.avatars(), held.unit).items()}
+            unit = held.unit
         arrays |= {f"true_{key}": value for key, value in factors(bodies, unit).items()}
         beside = path.with_suffix(".part")
         with beside.open("wb") as stream:
@@ -223,9 +224,9 @@ def row(name: str, parents: Parents) -> str:
     good = held.valid
     volume, area = (100 * (parents.avatars[key] / parents.truth[key] - 1)[good] for key in ("volume", "area"))
     return (
-        f"| {name} | {len(held)} | {held.template.n} | {100 * held.rms.mean():.2f} | {100 * held.rms.max():.2f} "
-        f"| {100 * good.mean():.1f} | {np.abs(volume).mean():.3f} | {area.mean():+.2f} "
-        f"| {np.abs(area).mean():.2f} | {parents.seconds:.2f} |"
+        f"| {name} | {len(held)} | {held.template.n} | {100 * held.rms.mean():.2f} "
+        f"| {100 * held.rms.max():.2f} | {100 * good.mean():.1f} | {np.abs(volume).mean():.3f} "
+        f"| {area.mean():+.2f} | {np.abs(area).mean():.2f} | {parents.seconds:.2f} |"
     )
 
 
@@ -239,7 +240,8 @@ def main() -> None:
     chosen = parser.parse_args()
     chosen.cache.mkdir(parents=True, exist_ok=True)
     print(
-        "| parents | bodies | n | rms % of D_n | largest | valid % | abs dV % | dA % | abs dA % | CPU s a body |\n"
+        "| parents | bodies | n | rms % of D_n | largest | valid % | abs dV % | dA % | abs dA % "
+        "| CPU s a body |\n"
         "|---|---|---|---|---|---|---|---|---|---|"
     )
     for name in chosen.names:

@@ -57,8 +57,8 @@ class AlignedOptions:
         If a number is out of its range.
     """
 
-    latents: int = 32
-    details: int = 64
+    latents: int = 64
+    details: int = 128
     steps: int = 0
     batch: int = 64
     rate: float = 1e-3

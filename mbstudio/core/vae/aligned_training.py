@@ -37,6 +37,12 @@ _FIRST_LOG_VARIANCE = -3.0
 _SURFACE_PROBES, _SHELL_PROBES = 64, 24
 _SHELL_SHARE = 0.02 / 36.0
 _FEW = 100
+_FEW_FOR_NETWORKS = 50
+
+FEW_PARENTS = (
+    "For fewer than 50 parents principal components (preset 'pca') reproduce held-out parents better than "
+    "a network, which has too little to learn from: compare the two."
+)
 
 
 class AlignedTrainer:
@@ -65,7 +71,7 @@ class AlignedTrainer:
         self.record_every = options.record_every
         self.annealer = DistributionAnnealer(self.steps, options.annealed)
         self.free_from = self.annealer.finished
-        self.notes: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = (FEW_PARENTS,) if len(data.parents) < _FEW_FOR_NETWORKS else ()
         self.replay: tuple[Int[np.ndarray, " old"], Int[np.ndarray, " new"]] | None = None
         raw = raw_inputs(data.scaler, data.parents)
         numbers = dict(start.numbers) if start is not None else first_numbers(data, options, seed, raw)

@@ -42,7 +42,7 @@ def write_checkpoint(training: StyleTraining, path: Path) -> None:
         "stopped": training.stopped, "notes": [step.note for step in training.history],
     }  # fmt: skip
     content = save(
-        {name: np.ascontiguousarray(array) for name, array in tensors.items()},
+        {name: np.array(array, order="C") for name, array in tensors.items()},  # keeps shape ()
         metadata={"training": json.dumps(about)},
     )
     try:

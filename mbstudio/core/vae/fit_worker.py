@@ -23,6 +23,8 @@ def ask(stream: BinaryIO, body: Body, template: Template, *, unit: str | None, s
     """Ask a process to fit one body."""
     head, arrays = body_message(body)
     laid = {f"template_{field}": getattr(template, field) for field in _TEMPLATE}
+    if template.stiffness is not None:
+        laid["template_stiffness"] = template.stiffness
     send(stream, {"body": head, "unit": unit, "seed": seed, "name": name}, {**arrays, **laid})
 
 
@@ -41,7 +43,10 @@ def serve() -> None:
     """Fit bodies until the caller closes the pipe."""
 
     def answer(answers: BinaryIO, head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        template = Template(*(arrays.pop(f"template_{field}") for field in _TEMPLATE))
+        stiffness = arrays.pop("template_stiffness", None)
+        template = Template(
+            **{field: arrays.pop(f"template_{field}") for field in _TEMPLATE}, stiffness=stiffness
+        )
         body = body_of(head["body"], arrays)
         try:
             fitted = fit_from_template(

@@ -22,7 +22,9 @@ from mbstudio.core.vae.candidates import (
     examined,
 )
 from mbstudio.core.vae.generation import Counts, Generation, Learner
-from mbstudio.core.vae.selection import BALANCED_FACTORS, LEVELS, Choice, Moments, choose
+from mbstudio.core.vae.novelty import nearest_others, nearest_to
+from mbstudio.core.vae.radii import log_radii
+from mbstudio.core.vae.selection import BALANCED_FACTORS, LEVELS, Choice, Moments, choose, novelty_rows
 from mbstudio.core.vae.targets import Reached, Target, parse_targets, reach_words
 
 _FIRST_SHARE = 2.5
@@ -109,6 +111,7 @@ class _Generating:
         self._unmeasurable: set[int] = set()
         self._replaced = 0
         self._scales: dict[str, float] = {}
+        self._distances = np.empty(0)
         self._parents = self._moments_of_parents()
         self._pool = self._drawn(int(np.ceil(_FIRST_SHARE * count)) + _SPARE)
 
@@ -117,11 +120,14 @@ class _Generating:
         nothing = np.empty((len(parents), 0))
         found = examined(parents, nothing, nothing, processes=self._processes)
         values = np.stack([found.column(name) for name in BALANCED_FACTORS], axis=1)
-        values = values[np.isfinite(values).all(axis=1)]
+        known = np.isfinite(values).all(axis=1)
+        values = values[known]
         if len(values) < 2:
             raise GenerationError(
                 f"{len(values)} of the {len(parents)} parents can be measured: clones need two at least."
             )
+        self._radii = log_radii(parents.take(np.flatnonzero(known)))
+        self._among = nearest_others(self._radii)
         return Moments.of(values)
 
     def _drawn(self, count: int) -> Candidates:
@@ -160,8 +166,22 @@ class _Generating:
             admitted = np.logical_and.reduce([target.admits(column) for target, column in pairs])
             asked = np.concatenate([target.rows(column, volumes) for target, column in pairs], axis=1)
         places = np.flatnonzero(np.isin(usable, np.array(kept, dtype=np.int64))).tolist()
-        found = choose(values, self._count, self._parents, rng, admitted=admitted, asked=asked, kept=places)
+        found = choose(
+            values, self._count, self._parents, rng, novel=novelty_rows(self._nearest()[usable], self._among),
+            admitted=admitted, asked=asked, kept=places,
+        )  # fmt: skip
         return None if found is None else replace(found, rows=usable[found.rows])
+
+    def _nearest(self) -> Float64[np.ndarray, " candidates"]:
+        """Return the distance of each candidate to its nearest parent, NaN for those that are refused."""
+        done = len(self._distances)
+        found = np.full(len(self._pool) - done, np.nan)
+        bodies = np.flatnonzero(self._pool.states[done:] <= REPAIRED)
+        if len(bodies):
+            radii = log_radii(self._pool.shapes.take(done + bodies))
+            found[bodies] = nearest_to(radii, self._radii)
+        self._distances = np.concatenate([self._distances, found])
+        return self._distances
 
     def _more(self, found: Choice | None) -> int:
         """Return how many further candidates to draw, none where they would not help."""

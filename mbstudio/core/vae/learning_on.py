@@ -6,9 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.units import conversion_factor
+from mbstudio.core.vae.radii import surface_rms
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.shape_model import model_kind
 from mbstudio.core.vae.style_learner import StyleLearner
@@ -16,7 +18,7 @@ from mbstudio.core.vae.training import StyleTraining, chosen_device, make_option
 from mbstudio.core.vae.training_data import TrainingData
 
 _SHORT = {
-    "aligned": {"steps": 800, "rate": 3e-4, "annealed": 0.0},
+    "aligned": {"steps": 2000, "rate": 5e-4, "annealed": 0.0},
     "paper": {"steps": 2000, "annealed": 0.0},
     "pca": {},
 }  # type: dict[str, dict[str, Any]]
@@ -80,10 +82,19 @@ class LearningOn(StyleTraining):
         if learner.preset == "aligned":
             trainer.replay = (rest[rest < len(old)], rest[rest >= len(old)])
 
+    def _judged_by(self) -> Int[np.ndarray, " rows"]:
+        """Return all parents: the new are to be learned and the old not to be forgotten."""
+        return super()._judged_by() if self.preset == "pca" else np.arange(len(self.data.parents))
+
     def result(self) -> StyleLearner:
         """Return the learner of the best state so far, of old and new parents."""
         learner = super().result()
         card = replace(learner.card, steps=learner.card.steps + self._old_steps)
+        aside = self.data.held_out
+        if self.preset != "pca" and len(aside):  # principal components are those of all parents by now
+            some = self.data.parents.take(aside)
+            made = learner.decode(learner.latents[aside, : learner.core])
+            card = replace(card, held_out_rms=float(surface_rms(some, made).mean()))
         return replace(learner, card=card)
 
 

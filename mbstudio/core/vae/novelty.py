@@ -63,16 +63,13 @@ def novelty(parents: Serialization, clones: Serialization, seed: int = 0) -> Nov
             f"Novelty needs two parents and two clones at least, not {len(parents)} and {len(clones)}."
         )
     theirs, ours = log_radii(parents), log_radii(clones)
-    between_parents = float(np.median(_nearest_others(theirs)))
-    to_parents = np.concatenate([
-        novelty_distances(ours[start : start + _BLOCK], theirs).min(axis=1)
-        for start in range(0, len(ours), _BLOCK)
-    ])  # fmt: skip
+    between_parents = float(np.median(nearest_others(theirs)))
+    to_parents = nearest_to(ours, theirs)
     rng = np.random.default_rng([seed, 0xD1])
     size = min(len(parents), len(clones))
     rounds = 1 if size == len(clones) else _SUBSETS
     among = [
-        np.median(_nearest_others(ours[rng.choice(len(ours), size, replace=False)])) for _ in range(rounds)
+        np.median(nearest_others(ours[rng.choice(len(ours), size, replace=False)])) for _ in range(rounds)
     ]
     # Parents that are all alike have no distance to measure by.
     unit = between_parents if between_parents > 0 else np.nan
@@ -84,10 +81,21 @@ def novelty(parents: Serialization, clones: Serialization, seed: int = 0) -> Nov
     )
 
 
-def _nearest_others(radii: Float[np.ndarray, "bodies 144"]) -> Float64[np.ndarray, " bodies"]:
+def nearest_others(radii: Float[np.ndarray, "bodies 144"]) -> Float64[np.ndarray, " bodies"]:
+    """Return the distance of each body to its nearest other, from their ln r in 144 directions."""
     distances = novelty_distances(radii, radii)
     np.fill_diagonal(distances, np.inf)
     return distances.min(axis=1)
+
+
+def nearest_to(
+    radii: Float[np.ndarray, "bodies 144"], others: Float[np.ndarray, "others 144"]
+) -> Float64[np.ndarray, " bodies"]:
+    """Return the distance of each body to the nearest of others, from their ln r in 144 directions."""
+    return np.concatenate([
+        novelty_distances(radii[start : start + _BLOCK], others).min(axis=1)
+        for start in range(0, len(radii), _BLOCK)
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,11 @@ class Parameters:
     def _place(self, start: Tensors) -> None:
         import torch
 
+        # All in one layout: products of matrices round differently in another.
         self.tensors: dict[str, torch.Tensor] = {
-            name: torch.tensor(array, dtype=torch.float32, device=self.device, requires_grad=True)
+            name: torch.tensor(
+                np.ascontiguousarray(array), dtype=torch.float32, device=self.device, requires_grad=True
+            )
             for name, array in start.items()
         }
         self.optimizer = torch.optim.AdamW(self.tensors.values(), lr=1e-3, weight_decay=self.decay)
@@ -67,7 +70,8 @@ class Parameters:
         """Go back to a state."""
         import torch
 
-        self._place({name: array for name, array in state.items() if "|" not in name})
+        # In the order as it was: the norm of the gradient is a sum over the parameters.
+        self._place({name: state[name] for name in self.tensors})
         for name, tensor in self.tensors.items():
             memory = {
                 key.split("|")[1]: torch.tensor(array, device="cpu" if key.endswith("|step") else self.device)

@@ -125,7 +125,8 @@ class PaperTrainer:
     def advance(self, step: int) -> Losses:
         """Make one step."""
         rng, device = step_rng(self.seed, step), self.parameters.device
-        values = torch.from_numpy(self.augmentation.draw(self.options.batch, rng)).to(device)
+        # A copy by torch is aligned; numpy's memory may lie anywhere, and rounding can depend on that.
+        values = torch.tensor(self.augmentation.draw(self.options.batch, rng), device=device)
         parameters = self.parameters.tensors
         coded = torch.nn.functional.leaky_relu(
             apply_network_torch(parameters, "encoder", values, "leaky_relu"), LEAK

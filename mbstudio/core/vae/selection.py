@@ -15,7 +15,8 @@ BALANCED_FACTORS = PAPER_FACTORS
 """Factors whose means, standard deviations and correlations clones share with their parents."""
 
 _SHARES = (0.2, 0.4, 0.6, 0.8)
-_FEWEST_FOR_QUANTILES = 50
+_FEWEST_FOR_QUANTILES = 40
+_NOVELTY_SHARES = (0.25, 0.5, 0.75)
 _LEAST_FREEDOM = 1.2
 _SOFTNESS = 0.03
 _STAYING = 3.0
@@ -110,8 +111,8 @@ class Choice:
 
 
 LEVELS = (
-    "means, standard deviations and correlations as the parents', quantiles nearly",
-    "means and standard deviations as the parents', correlations and quantiles nearly",
+    "means, standard deviations and correlations as the parents', quantiles and novelty nearly",
+    "means and standard deviations as the parents', correlations, quantiles and novelty nearly",
     "means and standard deviations as the parents'",
     "means and standard deviations nearly as the parents'",
     "means nearly as the parents'",
@@ -120,8 +121,29 @@ LEVELS = (
 """What is asked for, from the most to the least."""
 
 
+def novelty_rows(
+    distances: Float[np.ndarray, " candidates"], among_parents: Float[np.ndarray, " parents"]
+) -> Float64[np.ndarray, "candidates q"]:
+    """Return what is to be zero on average for clones as far from the parents as these from each other.
+
+    Parameters
+    ----------
+    distances : float array, shape (candidates,)
+        Of each candidate to its nearest parent.
+    among_parents : float array, shape (parents,)
+        Of each parent to its nearest other parent; too few tell nothing.
+    """
+    if len(among_parents) < _FEWEST_FOR_QUANTILES:
+        return np.empty((len(distances), 0))
+    edges = np.quantile(among_parents, _NOVELTY_SHARES)
+    return (distances[:, None] <= edges) - np.array(_NOVELTY_SHARES)
+
+
 def parental_inclusion(
-    values: Float[np.ndarray, "candidates 6"], count: int, parents: Moments
+    values: Float[np.ndarray, "candidates 6"],
+    count: int,
+    parents: Moments,
+    novel: Float[np.ndarray, "candidates q"] | None = None,
 ) -> tuple[Inclusion, int, np.ndarray]:
     """Return inclusion probabilities that give clones the parents' moments, as far as can be had.
 
@@ -134,7 +156,8 @@ def parental_inclusion(
         The statistics that were balanced.
     """
     means, deviations, products, below = parents.shrunk(values).rows(values, count)
-    everything = np.concatenate([means, deviations, products, below], axis=1)
+    nearness = np.empty((len(values), 0)) if novel is None else novel
+    everything = np.concatenate([means, deviations, products, below, nearness], axis=1)
     hard = means.shape[1] + deviations.shape[1]
     softness = np.full(everything.shape[1], _SOFTNESS)
     softness[: hard + products.shape[1]] = 0.0
@@ -162,6 +185,7 @@ def choose(
     parents: Moments,
     rng: np.random.Generator,
     *,
+    novel: Float[np.ndarray, "candidates q"] | None = None,
     admitted: Bool[np.ndarray, " candidates"] | None = None,
     asked: Float[np.ndarray, "candidates constraints"] | None = None,
     kept: Sequence[int] = (),
@@ -175,6 +199,8 @@ def choose(
     count : int
     parents : Moments
     rng : numpy.random.Generator
+    novel : float array, shape (candidates, q), optional
+        Of `novelty_rows`: nearly zero on average, too.
     admitted : bool array, shape (candidates,), optional
         Which may be taken.
     asked : float array, shape (candidates, constraints), optional
@@ -191,7 +217,7 @@ def choose(
         return None
     if len(values) == count and admitted is None and asked is None:
         return Choice(np.arange(count), len(LEVELS) - 1, LEVELS[-1], float(count))
-    like_parents, level, rows = parental_inclusion(values, count, parents)
+    like_parents, level, rows = parental_inclusion(values, count, parents, novel)
     p, effective, places = like_parents.probabilities, like_parents.effective, np.arange(len(values))
     if admitted is not None or asked is not None:
         places = np.arange(len(values)) if admitted is None else np.flatnonzero(admitted)

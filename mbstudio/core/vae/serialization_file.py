@@ -18,7 +18,9 @@ _TEMPLATE = ("centers", "log_weights", "exchange")
 
 def serialization_arrays(serialization: Serialization) -> dict[str, np.ndarray]:
     """Return serialized avatars as plain arrays, by the names that they have in a file."""
+    stiffness = serialization.template.stiffness
     return {
+        **({} if stiffness is None else {"template_stiffness": stiffness}),
         **{f"template_{name}": getattr(serialization.template, name) for name in _TEMPLATE},
         **{name: getattr(serialization, name) for name in _ARRAYS},
         "unit": np.array(serialization.unit),
@@ -39,7 +41,10 @@ def serialization_of(arrays: Mapping[str, np.ndarray], source: str = "The file")
     if missing:
         raise SerializationError(f"{source} holds no serialized avatars: '{missing[0]}' is missing.")
     return Serialization(
-        Template(*(arrays[f"template_{name}"] for name in _TEMPLATE)),
+        Template(
+            **{name: arrays[f"template_{name}"] for name in _TEMPLATE},
+            stiffness=arrays.get("template_stiffness"),
+        ),
         **{name: arrays[name] for name in _ARRAYS},
         unit=str(arrays["unit"]),
         names=tuple(str(name) for name in arrays["names"]),

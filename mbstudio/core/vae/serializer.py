@@ -18,7 +18,7 @@ from mbstudio.core.vae.fit_worker import ask, receive_fitted
 from mbstudio.core.vae.frame import name_of
 from mbstudio.core.vae.mean_shape import template_of
 from mbstudio.core.vae.serialization import Serialization, Template
-from mbstudio.core.vae.template import orbit_kinds, symmetric_mean
+from mbstudio.core.vae.template import learned_template, orbit_kinds
 from mbstudio.core.vae.template_fit import FittedBody, fit_from_template
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def _learned_template(work: _Work, n: int, told: _Telling) -> Template:
     del prepared
     for _ in range(_TEMPLATE_ROUNDS):
         fitted = work.fitted(rows, template, told)
-        template = symmetric_mean(
+        template = learned_template(
             np.stack([one.centers for one in fitted]), np.stack([one.log_weights for one in fitted])
         )
     return template

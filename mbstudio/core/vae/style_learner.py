@@ -10,7 +10,7 @@ from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.model_card import ModelCard
-from mbstudio.core.vae.sampling import Sample, band_latents, normal_latents
+from mbstudio.core.vae.sampling import Sample, band_latents, normal_latents, usual_noise
 from mbstudio.core.vae.serialization import Serialization, Template
 from mbstudio.core.vae.shape_model import ShapeModel
 
@@ -124,7 +124,9 @@ class StyleLearner:
         details = np.zeros((len(latents), self.dimension - latents.shape[1]))
         return self.model.decode(np.concatenate([latents, details], axis=1), names)
 
-    def sample(self, count: int, seed: int = 0, *, mixing: float = 0.5) -> Sample:
+    def sample(
+        self, count: int, seed: int = 0, *, mixing: float | None = None, turning: float | None = None
+    ) -> Sample:
         """Return `count` new grains, not yet checked for validity.
 
         Parameters
@@ -132,20 +134,27 @@ class StyleLearner:
         count : int
         seed : int
             The same seed and count give the same grains.
-        mixing : float
-            Share of noise in form and size, 0 to 1: less stays nearer to the parents.
+        mixing : float, optional
+            Share of noise in form and size, 0 to 1: less stays nearer to the parents. By default 0.6, and
+            0.8 for fewer than 50 parents, between which there is more room.
+        turning : float, optional
+            Share of noise in everything finer, 0 to 1; by default 0.7, and 0.9 for fewer than 50.
 
         Raises
         ------
         StyleError
-            If count is negative, or mixing no share.
+            If count is negative, or a share of noise is none.
         """
+        usual = usual_noise(len(self.parents))
+        mixing, turning = usual[0] if mixing is None else mixing, usual[1] if turning is None else turning
         rng = np.random.default_rng(seed)
         if self.signs is None:
             drawn = normal_latents(count, self.dimension, rng)
             rows = np.full(count, -1)
         else:
-            drawn, rows = band_latents(self.latents, self.signs, self.model.bands, count, rng, mixing=mixing)
+            drawn, rows = band_latents(
+                self.latents, self.signs, self.model.bands, count, rng, mixing=mixing, turning=turning
+            )
         return Sample(self.decode(drawn), drawn, rows)
 
     def with_quality(self, report: dict[str, object]) -> StyleLearner:

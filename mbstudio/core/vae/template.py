@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from mbstudio.core.errors import SerializationError
 from mbstudio.core.vae.serialization import FLIPS, Template
 
+WEIGHT_SCALE, PLACE_SCALE = 0.5, 0.1
+"""Changes of ln k, and of a place in D_n, that count alike."""
+_SOFTEST = 0.1  # of the mean variance: what a direction is given in which nothing varies
+_LEAST_VARIANCE = 1e-8
 _CANDIDATES = 6000
 _LLOYD_ROUNDS = 12
 
@@ -77,6 +83,39 @@ def symmetric_mean(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.nd
     starts = np.concatenate([[0], np.cumsum(kinds)[:-1]])
     mean_weight = weight[exchange].mean(axis=0)
     return Template(spread_orbits(places[starts], kinds), np.repeat(mean_weight[starts], kinds), exchange)
+
+
+def learned_template(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.ndarray, "m n"]) -> Template:
+    """Return the symmetric mean of serialized avatars, stiff where they and their flips vary little.
+
+    The stiffness is the inverse of their covariance, to which a tenth of the mean variance is added,
+    and is scaled so that on average it weighs their changes as much as equal stiffness would.
+
+    Parameters
+    ----------
+    centers : float array, shape (m, n, 3)
+    log_weights : float array, shape (m, n)
+    """
+    mean = symmetric_mean(centers, log_weights)
+    changes = np.concatenate(
+        [
+            np.concatenate(
+                [
+                    (log_weights[:, row] - mean.log_weights) / WEIGHT_SCALE,
+                    *((centers[:, row] * signs - mean.centers) / PLACE_SCALE).transpose(2, 0, 1),
+                ],
+                axis=1,
+            )
+            for row, signs in zip(mean.exchange, FLIPS, strict=True)
+        ]
+    )
+    covariance = changes.T @ changes / len(changes)
+    variance = float(np.trace(covariance)) / len(covariance)
+    if not variance > _LEAST_VARIANCE:
+        return mean
+    stiffness = np.linalg.inv(covariance / variance + _SOFTEST * np.eye(len(covariance)))
+    stiffness *= len(covariance) * variance / float((stiffness * covariance).sum())
+    return replace(mean, stiffness=0.5 * (stiffness + stiffness.T))
 
 
 def first_template(n: int, radii: Float[np.ndarray, " d"], directions: Float[np.ndarray, "d 3"]) -> Template:

@@ -17,6 +17,7 @@ from mbstudio.core.metaball.topology import Topology, topology
 from mbstudio.core.vae.fit_target import prepared_body
 from mbstudio.core.vae.frame import PrincipalFrame
 from mbstudio.core.vae.serialization import Template
+from mbstudio.core.vae.template import PLACE_SCALE, WEIGHT_SCALE
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.frame import Body
@@ -29,9 +30,9 @@ class TemplateFitSettings:
     Attributes
     ----------
     ridges : tuple of float
-        How strongly a control point is held to its place in the template, from stage to stage: the
-        sum over control points of (change of ln k / 0.5)**2 + (move / 0.1 D_n)**2 counts so much
-        against the mean squared distance of the surface in D_n**2.
+        How strongly control points are held to the template, from stage to stage: the sum of
+        squares of changes, weighted by the template's stiffness, counts so much against the mean
+        squared distance of the surface in D_n**2.
     steps : tuple of int
         Steps of each stage.
     area_steps : int
@@ -40,14 +41,11 @@ class TemplateFitSettings:
         Rounds at most that make an avatar one piece without a void, and steps of each.
     """
 
-    ridges: tuple[float, ...] = (3e-5, 1e-5, 3e-6)
+    ridges: tuple[float, ...] = (3e-5, 4e-6, 7e-7)
     steps: tuple[int, ...] = (6, 6, 16)
     area_steps: int = 8
     guard_rounds: int = 6
     guard_steps: int = 8
-
-
-WEIGHT_SCALE, PLACE_SCALE = 0.5, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,33 +79,26 @@ class TemplateFit(Refinement):
     """A fast search whose control points are held near where the template has them."""
 
     def __init__(
-        self,
-        prepared: PreparedGrain,
-        start: Float64[np.ndarray, "4 n"],
-        unit_length: float,
-        settings: RefineSettings,
+        self, prepared: PreparedGrain, frame: PrincipalFrame, template: Template, settings: RefineSettings
     ) -> None:
-        n = start.shape[1]
+        start = start_of(template, prepared, frame)
         self._held = np.concatenate([np.log(start[3]), start[:3].ravel()])
-        self._looseness = (
-            np.concatenate([np.full(n, WEIGHT_SCALE), np.full(3 * n, PLACE_SCALE * unit_length)])
-            / unit_length
-        )
+        self._stiffness = _stiffness_in(template, frame.axes, frame.diameter / prepared.scale)
         self.ridge = 0.0
         super().__init__(prepared, start, settings)
 
     def _drift(self, control: np.ndarray) -> np.ndarray:
-        return (np.concatenate([np.log(control[3]), control[:3].ravel()]) - self._held) / self._looseness
+        return np.concatenate([np.log(control[3]), control[:3].ravel()]) - self._held
 
     def _cost(self, control: np.ndarray) -> tuple[float, tuple]:  # type: ignore[type-arg]
         cost, state = super()._cost(control)
         drift = self._drift(control)
-        return cost + 0.5 * self.ridge * float(drift @ drift), state
+        return cost + 0.5 * self.ridge * float(drift @ self._stiffness @ drift), state
 
     def _normal_equations(self, state: tuple) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
         matrix, gradient = super()._normal_equations(state)
-        matrix[np.diag_indices_from(matrix)] += self.ridge / self._looseness**2
-        gradient += self.ridge * self._drift(self.control) / self._looseness
+        matrix += self.ridge * self._stiffness
+        gradient += self.ridge * (self._stiffness @ self._drift(self.control))
         return matrix, gradient
 
     def descend(self, steps: int) -> None:
@@ -117,6 +108,21 @@ class TemplateFit(Refinement):
             stuck = 0 if self.advance() else stuck + 1
             if stuck == 2:
                 return
+
+
+def _stiffness_in(
+    template: Template, axes: Float[np.ndarray, "3 3"], unit_length: float
+) -> Float64[np.ndarray, "m m"]:
+    """Return the template's stiffness against changes of ln k and of x, y, z in a body's working frame."""
+    n = template.n
+    stiffness = np.eye(4 * n) if template.stiffness is None else template.stiffness
+    blocks = stiffness.reshape(4, n, 4, n)
+    # From working lengths along the body's own axes to 0.1 D_n along the principal ones; the sum of
+    # squares itself is in working lengths, so all is counted in D_n**2.
+    turn = np.zeros((4, 4))
+    turn[0, 0] = unit_length / WEIGHT_SCALE
+    turn[1:, 1:] = axes.T / PLACE_SCALE
+    return np.einsum("ai,anbm,bj->injm", turn, blocks, turn, optimize=True).reshape(4 * n, 4 * n)
 
 
 def start_of(
@@ -145,7 +151,7 @@ def fit_body(
     """
     settings = settings or TemplateFitSettings()
     unit_length = frame.diameter / prepared.scale
-    search = TemplateFit(prepared, start_of(template, prepared, frame), unit_length, RefineSettings())
+    search = TemplateFit(prepared, frame, template, RefineSettings())
     search.settle()
     for ridge, steps in zip(settings.ridges, settings.steps, strict=True):
         search.ridge = ridge

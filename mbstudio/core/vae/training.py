@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from jaxtyping import Int
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.model_card import ModelCard, library_versions
@@ -182,8 +183,7 @@ class StyleTraining:
             return self.trainer.advance(step)
 
     def _record(self, step: int, losses: list[Losses]) -> TrainingStep:
-        rows = self.data.held_out if len(self.data.held_out) else self.data.trained
-        held_out = self.trainer.rms(rows)
+        held_out = self.trainer.rms(self._judged_by())
         last = losses[-1]
         if not math.isfinite(held_out):
             return self._broken(step, last)
@@ -215,6 +215,10 @@ class StyleTraining:
             f"of step {kept}, is kept",
         )  # fmt: skip
 
+    def _judged_by(self) -> Int[np.ndarray, " rows"]:
+        """Return the parents by whose error the best state is chosen."""
+        return self.data.held_out if len(self.data.held_out) else self.data.trained
+
     def _due(self, record: TrainingStep) -> bool:
         return (
             self.stopped
@@ -231,7 +235,7 @@ class StyleTraining:
             notes.append(f"Stopped after {self.history[-1].step} of {self.trainer.steps} steps.")
         plain = latents.copy()
         plain[:, model.core :] = 0.0
-        trained = surface_rms(parents, model.decode(plain))[data.trained]
+        errors = surface_rms(parents, model.decode(plain))
         return ModelCard(
             preset=self.preset, names=parents.names, unit=parents.unit, n=parents.template.n,
             smallest=float(parents.diameters.min()), largest=float(parents.diameters.max()),
@@ -239,7 +243,7 @@ class StyleTraining:
             held_out=tuple(parents.names[row] for row in data.held_out),
             settings=self.options, versions=library_versions("torch", "safetensors"),
             parents_rms=float(known.mean()) if len(known) else math.nan,
-            trained_rms=float(trained.mean()),
+            trained_rms=float(errors[data.trained].mean()),
             held_out_rms=best.held_out if len(data.held_out) else math.nan, notes=tuple(notes),
         )  # fmt: skip
 

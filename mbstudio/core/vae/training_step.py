@@ -31,7 +31,8 @@ class TrainingStep:
         What is minimised.
     held_out : float
         Validation error: root mean square surface distance of the parents that were held out and what
-        the model makes of them, in D_n (mean over them); of all parents if none is held out.
+        the model makes of them, in D_n (mean over them); of all parents if none is held out,
+        and when a learner learns on.
     best : bool
         Whether this is the best state so far, to be kept.
     note : str
