@@ -18,6 +18,7 @@ from mbstudio.cli.figures import figures
 from mbstudio.cli.fit import fit
 from mbstudio.cli.generate import generate
 from mbstudio.cli.gui import gui
+from mbstudio.cli.latent import latent
 from mbstudio.cli.learn import learn
 from mbstudio.cli.measure import measure
 from mbstudio.cli.report import report
@@ -37,7 +38,21 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (gui, tour, segment, fit, sweep, measure, report, export, learn, generate, figures, doctor):
+for command in (
+    gui,
+    tour,
+    segment,
+    fit,
+    sweep,
+    measure,
+    report,
+    export,
+    learn,
+    generate,
+    latent,
+    figures,
+    doctor,
+):
     app.command()(command)
 
 

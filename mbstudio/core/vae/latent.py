@@ -228,19 +228,21 @@ def mean_latent(learner: StyleLearner) -> Float64[np.ndarray, " d"]:
     return flip_moments(learner.latents, _signs(learner))[0]
 
 
-def is_far_outside(
-    learner: StyleLearner, latent: Float[np.ndarray, " d"], farthest: float = FARTHEST
-) -> bool:
+def farthest(learner: StyleLearner, deviations_away: float = FARTHEST) -> Float64[np.ndarray, " d"]:
+    """Return how far each latent variable may lie from the mean: so many deviations, or as a parent's."""
+    most = np.abs(learner.latents - mean_latent(learner)).max(axis=0)
+    return np.asarray(np.maximum(deviations_away * deviations(learner), 1.05 * most))
+
+
+def is_far_outside(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> bool:
     """Return whether a latent variable lies farther from the parents' mean than any reasonable grain's."""
     away = np.abs(checked_latent(learner, latent) - mean_latent(learner))
-    return bool((away > farthest * deviations(learner) + 1e-9).any())
+    return bool((away > farthest(learner) + 1e-9).any())
 
 
-def clamped(
-    learner: StyleLearner, latent: Float[np.ndarray, " d"], farthest: float = FARTHEST
-) -> Float64[np.ndarray, " d"]:
-    """Return the latent vector with every variable at most so many deviations from the parents' mean."""
-    mean, most = mean_latent(learner), farthest * deviations(learner)
+def clamped(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Float64[np.ndarray, " d"]:
+    """Return the latent vector with every variable no farther from the parents' mean than is reasonable."""
+    mean, most = mean_latent(learner), farthest(learner)
     return np.clip(checked_latent(learner, latent), mean - most, mean + most)
 
 

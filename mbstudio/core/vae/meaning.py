@@ -17,7 +17,7 @@ from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.factor_regression import FactorRegression
-from mbstudio.core.vae.latent import checked_latent, mean_latent
+from mbstudio.core.vae.latent import checked_latent
 from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
 from mbstudio.core.vae.sampling import flip_moments
 from mbstudio.core.vae.style_learner import StyleLearner
@@ -67,15 +67,15 @@ class Meanings:
     covariance: Float[np.ndarray, "d d"]
 
     @classmethod
-    def of(cls, learner: StyleLearner, seed: int = 0, samples: int = _SAMPLES) -> Meanings:
+    def of(cls, learner: StyleLearner, seed: int = 0, samples: int | None = None) -> Meanings:
         """Return the meaning directions of a style-learner, learned from grains that it draws.
 
         Parameters
         ----------
         learner : StyleLearner
         seed : int
-        samples : int
-            Grains drawn; 2,000 take a few seconds.
+        samples : int, optional
+            Grains drawn, 2,000 by default: some seconds.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class Meanings:
                 f"The parents do not differ in {', '.join(flat)}: such a direction has no meaning for them. "
                 "Learn from grains that differ."
             )
-        drawn = learner.sample(samples, seed)
+        drawn = learner.sample(samples or _SAMPLES, seed)
         found = meaning_factors(drawn.serialization)
         regression = FactorRegression.of(drawn.latents, found, learner.signs)
         signs = np.ones((8, learner.dimension)) if learner.signs is None else learner.signs
@@ -161,7 +161,7 @@ class Meanings:
         targets : mapping of str to float
             Meaning -> factor; `size` is the nominal diameter in the unit of the learner.
         start : float array, shape (d,), optional
-            The parents' mean by default.
+            By default that of the parent whose factors are nearest.
         tolerance : float
             Relative error with which the search is content.
 
@@ -175,8 +175,8 @@ class Meanings:
         if not len(goal) or not np.isfinite(goal).all():
             raise StyleError("Give at least one target, each a finite number: for example csf=0.6.")
         rows = np.array([MEANINGS.index(name) for name in targets])
-        moved = mean_latent(self.learner) if start is None else checked_latent(self.learner, start)
         goal = (goal - self.mean[rows]) / self.deviation[rows]
+        moved = self._nearest_parent(rows, goal) if start is None else checked_latent(self.learner, start)
         slack = np.full(len(rows), 0.02)
         first = self._estimate(moved, rows)
         parts = max(1, int(np.ceil(np.abs(goal - first).max() / _STEP)))
@@ -257,6 +257,10 @@ class Meanings:
     def _slopes(self, latent: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return the regression's slopes, in deviations of the factors by latents of unit covariance."""
         return self.regression.gradient(latent)[rows] @ self._root / self.deviation[rows][:, None]
+
+    def _nearest_parent(self, rows: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        away = self.units(self.factors(self.learner.latents))[:, rows] - goal
+        return np.array(self.learner.latents[np.square(away).sum(axis=1).argmin()])
 
     def _estimate(self, latent: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return np.asarray(self.units(self.regression.values(latent[None]))[0, rows])
