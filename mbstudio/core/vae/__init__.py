@@ -10,6 +10,7 @@ from mbstudio.core.vae.training import StyleTraining, learn
 from mbstudio.core.vae.training_step import TrainingStep
 
 __all__ = [
-    "FLIPS", "Serialization", "StyleLearner", "StyleTraining", "Template", "TrainingStep", "assign_to_template",
-    "learn", "learn_on", "load_serialization", "load_style_learner", "save_serialization", "serialize",
+    "FLIPS", "Serialization", "StyleLearner", "StyleTraining", "Template", "TrainingStep",
+    "assign_to_template", "learn", "learn_on", "load_serialization", "load_style_learner",
+    "save_serialization", "serialize",
 ]  # fmt: skip
