@@ -13,7 +13,21 @@ from mbstudio.core.vae.training import StyleTraining, learn
 from mbstudio.core.vae.training_step import TrainingStep
 
 __all__ = [
-    "FLIPS", "Generation", "Quality", "Serialization", "StyleLearner", "StyleTraining", "Template",
-    "TrainingStep", "assess", "assign_to_template", "generate", "learn", "learn_on", "load_serialization",
-    "load_style_learner", "save_serialization", "serialize",
-]  # fmt: skip
+    "FLIPS",
+    "Generation",
+    "Quality",
+    "Serialization",
+    "StyleLearner",
+    "StyleTraining",
+    "Template",
+    "TrainingStep",
+    "assess",
+    "assign_to_template",
+    "generate",
+    "learn",
+    "learn_on",
+    "load_serialization",
+    "load_style_learner",
+    "save_serialization",
+    "serialize",
+]

@@ -48,6 +48,8 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         "sizes.scores": model.scaler.scores,
         "latents": learner.latents,
     }
+    if model.scaler.template.stiffness is not None:
+        tensors["template.stiffness"] = model.scaler.template.stiffness
     tensors |= {f"parents.{name}": getattr(parents, name) for name in _PARENT_ARRAYS}
     content = save({name: np.ascontiguousarray(array) for name, array in tensors.items()})
     digest = hashlib.sha256(content).hexdigest()
@@ -108,6 +110,7 @@ def read_learner(folder: Path) -> StyleLearner:
             tensors["template.centers"],
             tensors["template.log_weights"],
             tensors["template.exchange"].astype(np.int64),
+            tensors.get("template.stiffness"),
         )
         scaler = Scaler(
             template,

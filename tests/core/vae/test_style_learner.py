@@ -56,6 +56,14 @@ def test_saved_and_loaded_it_is_the_same(learner: StyleLearner, tmp_path: Path) 
     assert files[1] == "style-learner.json"
 
 
+def test_new_bodies_can_be_serialized_as_softly_as_the_parents(tmp_path: Path) -> None:
+    parents = population(12)
+    soft = replace(parents, template=replace(parents.template, stiffness=np.diag(np.arange(1.0, 65.0))))
+    again = load_style_learner(learn(soft, "pca").save(tmp_path / "soft"))
+    np.testing.assert_array_equal(again.template.stiffness, np.diag(np.arange(1.0, 65.0)))
+    np.testing.assert_array_equal(again.parents.template.stiffness, again.template.stiffness)
+
+
 def test_card_says_what_it_was_trained_on(learner: StyleLearner) -> None:
     card, parents = learner.card, learner.parents
     assert (card.names, card.count, card.unit, card.n, card.seed) == (parents.names, 24, "mm", 16, 0)
