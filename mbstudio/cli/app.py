@@ -16,7 +16,10 @@ from mbstudio.cli.doctor import doctor
 from mbstudio.cli.export import export
 from mbstudio.cli.figures import figures
 from mbstudio.cli.fit import fit
+from mbstudio.cli.generate import generate
 from mbstudio.cli.gui import gui
+from mbstudio.cli.latent import latent
+from mbstudio.cli.learn import learn
 from mbstudio.cli.measure import measure
 from mbstudio.cli.report import report
 from mbstudio.cli.segment import segment
@@ -35,7 +38,21 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (gui, tour, segment, fit, sweep, measure, report, export, figures, doctor):
+for command in (
+    gui,
+    tour,
+    segment,
+    fit,
+    sweep,
+    measure,
+    report,
+    export,
+    learn,
+    generate,
+    latent,
+    figures,
+    doctor,
+):
     app.command()(command)
 
 

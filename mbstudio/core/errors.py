@@ -51,6 +51,10 @@ class SerializationError(MbstudioError):
     """Avatars that cannot be brought to one common frame and order of control points."""
 
 
+class SerializationWarning(UserWarning):
+    """Bodies that could be serialized, but of which the user should know something."""
+
+
 class StyleError(MbstudioError):
     """A style-learner that cannot be trained, read or written as asked."""
 

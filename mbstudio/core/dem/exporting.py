@@ -59,6 +59,7 @@ def export(
     names: Sequence[str] | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
+    attachments: Mapping[str, str] | None = None,
     **options: Any,
 ) -> ExportReport:
     """Write avatars for a DEM engine: each with its centre of mass at the origin and principal axes.
@@ -84,6 +85,8 @@ def export(
         Write into a folder that holds other files and no earlier export.
     progress : callable(fraction, message), optional
         Raising in it cancels.
+    attachments : mapping of str to str, optional
+        Further text files, by their names, that the folder is to hold: they come and go with the export.
     **options
         The target's options.
 
@@ -113,11 +116,15 @@ def export(
             bodies.extend(prepare_bodies([avatar], [name], unit, density))
         job = Job(bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m))
         written = chosen.write(job)
+        attached = dict(attachments or {})
+        for name, text in attached.items():
+            (temporary / name).write_text(text, encoding="utf-8", newline="")
         items = [
             describe_body(body, density, files, details)
             for body, files, details in zip(bodies, written.item_files, written.item_details, strict=True)
         ]
-        manifest = make_manifest(target, unit, density, settings, items, written.shared_files, temporary)
+        shared = [*written.shared_files, *attached]
+        manifest = make_manifest(target, unit, density, settings, items, shared, temporary)
         write_manifest(temporary, manifest)
         report_progress(0.9, "Reading back")
         try:

@@ -66,9 +66,9 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
     scale = float(np.abs(corners - centre).max())
     corners = (corners - centre) / scale
     finest = corners if points is None else (points - centre) / scale
-    frames = np.concatenate([_starting_frames(), _frames_of(corners, hull)])
+    frames = np.concatenate([starting_frames(), _frames_of(corners, hull)])
     # A few hundred extreme corners tell the good frames from the bad; all corners decide at the end.
-    few = corners[np.unique((_starting_frames()[::2, 0] @ corners.T).argmax(axis=1))]
+    few = corners[np.unique((starting_frames()[::2, 0] @ corners.T).argmax(axis=1))]
     volumes = _extents(few, frames).prod(axis=1)
     best = np.argsort(volumes, kind="stable")[:_KEPT]
     frames, volumes = frames[best], volumes[best]
@@ -154,7 +154,7 @@ def _frames_of(corners: Float[np.ndarray, "m 3"], hull: ConvexHull) -> Float[np.
 
 
 @cache
-def _starting_frames() -> Float[np.ndarray, "k 3 3"]:
+def starting_frames() -> Float[np.ndarray, "k 3 3"]:
     """Evenly spread rotations (super-Fibonacci spiral: Alexa, CVPR 2022)."""
     phi, psi = np.sqrt(2.0), 1.533751168755204288118041
     s = np.arange(_STARTS) + 0.5

@@ -31,6 +31,11 @@ class Template:
         ln k, k in D_n**2. Read-only.
     exchange : int array, shape (8, n)
         Row f: the control point that takes place i after flip f of `FLIPS`. Read-only.
+    stiffness : float array, shape (4 n, 4 n), or None
+        How strongly a fit is held to the template: symmetric and positive definite, the weight of
+        squares and products of the changes of all ln k (in units of 0.5), then of all x, y, z (in 0.1 D_n).
+        Soft where the population varies, so that a body is made of the changes that others
+        show too. None holds every change alike. Read-only.
 
     Raises
     ------
@@ -41,6 +46,7 @@ class Template:
     centers: Float[np.ndarray, "n 3"]
     log_weights: Float[np.ndarray, " n"]
     exchange: Int[np.ndarray, "8 n"]
+    stiffness: Float[np.ndarray, "m m"] | None = None
 
     def __post_init__(self) -> None:
         centers = np.array(self.centers, dtype=np.float64)
@@ -62,6 +68,15 @@ class Template:
             and np.allclose(log_weights[exchange], log_weights, atol=1e-6)
         ):
             raise SerializationError("The control points of a template are not symmetric under its flips.")
+        if self.stiffness is not None:
+            stiffness = np.array(self.stiffness, dtype=np.float64)
+            if stiffness.shape != (4 * n, 4 * n) or not np.isfinite(stiffness).all():
+                raise SerializationError(
+                    f"A template of {n} control points has a stiffness of shape {stiffness.shape}: "
+                    f"it must be ({4 * n}, {4 * n}), of finite numbers."
+                )
+            stiffness.flags.writeable = False
+            object.__setattr__(self, "stiffness", stiffness)
         for name, array in (("centers", centers), ("log_weights", log_weights), ("exchange", exchange)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)

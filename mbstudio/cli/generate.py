@@ -1,0 +1,158 @@
+"""``mbstudio generate``: new grains in the style of their parents."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mbstudio.cli import console, inputs
+from mbstudio.cli.measure import require_table_output
+from mbstudio.core.errors import GenerationError
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae import StyleLearner
+    from mbstudio.core.vae.generation import Generation
+    from mbstudio.core.vae.quality import Quality
+
+TABLE = "factors.csv"
+
+
+def generate(
+    style: Annotated[Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")],
+    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the clones go.")],
+    count: Annotated[int, typer.Option("--count", help="How many clones.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same clones.")] = 0,
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--where",
+            metavar="WORDS",
+            help="What they are to be like: 'sphericity=0.75..0.8', 'csf=0.7+-0.05', 'D50=0.4 mm', "
+            "'sieve=0.3:10,0.4:55,0.6:100 mm'; may be given again.",
+        ),
+    ] = None,
+    unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="Write parents and clones compared, as an HTML file."),
+    ] = None,
+    workers: inputs.WorkersOption = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Write into a folder that holds other files too.")
+    ] = False,
+    as_json: inputs.JsonOption = False,
+) -> None:
+    """Generate new valid grains whose factors are distributed like their parents', or as asked for.
+
+    Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
+    them; factors.csv holds the shape factors of all.
+    """
+    from mbstudio.core.batch.processes import usable_cores
+    from mbstudio.core.dem.exporting import check_replaceable
+    from mbstudio.core.dem.manifest import files_of_earlier_export
+    from mbstudio.core.vae import load_style_learner
+    from mbstudio.core.vae.generator import generate as generate_clones
+
+    begun = time.monotonic()
+    if report is not None:
+        require_table_output(report, style)
+    if folder.resolve() == style.resolve():
+        raise GenerationError(f"{folder} is the folder of the style-learner: give the clones another one.")
+    check_replaceable(folder, files_of_earlier_export, overwrite)
+    learner = load_style_learner(style)
+    processes = workers or usable_cores()
+    with console.progress("Generating") as tell:
+        found = generate_clones(learner, count, seed, targets=where, processes=processes, on_progress=tell)
+    _write(found, folder, unit, overwrite)
+    quality = None if report is None else _report(learner, found, report, style.name, processes)
+    summary = _summary(found, folder, report, time.monotonic() - begun)
+    if as_json:
+        console.print_json(
+            {**summary, "reached": [vars(figure) for figure in found.reached],
+             "quality": None if quality is None else quality.as_dict()}
+        )  # fmt: skip
+        return
+    console.print_facts(f"Clones in the style of {style.name}", summary)
+    if found.reached:
+        console.print_table(
+            "Asked for", ("", "wanted", "found"), [(f.what, f.wanted, f.found) for f in found.reached]
+        )
+    if quality is not None:
+        _print_quality(quality)
+
+
+def _write(found: Generation, folder: Path, unit: str | None, overwrite: bool) -> None:
+    from mbstudio.core.dem import export
+
+    assert found.factors is not None
+    table = found.factors.table().drop(columns=["warning", "not_measured"])
+    table.insert(1, "name", list(found.clones.names))
+    text = table.to_csv(index=False, lineterminator="\r\n")
+    with console.progress("Writing") as tell:
+        export(
+            found.avatars(), "metaball", folder, unit=unit, names=found.clones.names, overwrite=overwrite,
+            progress=tell, attachments={TABLE: text},
+        )  # fmt: skip
+
+
+def _report(learner: StyleLearner, found: Generation, path: Path, name: str, processes: int) -> Quality:
+    from mbstudio.core.populations import measure_population
+    from mbstudio.core.vae.quality import assess
+    from mbstudio.scene.generation_report import write_generation_report
+
+    assert found.factors is not None
+    with console.progress("Measuring the parents") as tell:
+        parents = measure_population(
+            learner.parents.avatars(), range(1, len(learner.parents) + 1), name="parents", kind="avatars",
+            workers=0 if processes == 1 else processes, progress=tell,
+        )  # fmt: skip
+    quality = assess(learner.parents, parents, found.clones, found.factors, counts=found.counts)
+    with console.progress("Drawing") as tell:
+        write_generation_report(path, name, found, parents, quality, progress=tell)
+    return quality
+
+
+def _summary(found: Generation, folder: Path, report: Path | None, seconds: float) -> dict[str, Any]:
+    counts = found.counts
+    return {
+        "clones": len(found),
+        "folder": str(folder),
+        "seed": found.seed,
+        "candidates": counts.candidates,
+        "valid_before_the_guard": counts.valid,
+        "repaired": counts.repaired,
+        "refused": sum(counts.refused.values()),
+        "replaced": counts.replaced,
+        "distribution": found.how,
+        "report": None if report is None else str(report),
+        "seconds": round(seconds, 1),
+    }
+
+
+def _print_quality(quality: Quality) -> None:
+    rows = [
+        (
+            row.factor,
+            row.mean_error,
+            row.floor.mean_error[0],
+            row.deviation_error,
+            row.floor.deviation_error[0],
+        )
+        for row in quality.factors
+    ]
+    console.print_table(
+        "Errors against the parents in percent",
+        ("", "mean", "true new grains", "s.d.", "true new grains"),
+        rows,
+    )
+    facts: dict[str, Any] = {
+        "novelty": quality.novelty.novelty,
+        "copies_percent": 100 * quality.novelty.copies,
+        "diversity": quality.novelty.diversity,
+    }
+    if quality.discrimination is not None:
+        facts["told_from_parents_auc"] = quality.discrimination.auc
+    console.print_facts("How new they are", facts)

@@ -1,0 +1,184 @@
+"""``mbstudio learn``: a style-learner from grains, avatars or meshes."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mbstudio.cli import console, inputs
+from mbstudio.cli.fit import INTERRUPTED, terminate_as_interrupt
+from mbstudio.cli.measure import GrainsOption, LimitOption, chosen_grains
+from mbstudio.core.errors import MbstudioError, SerializationError, StyleError
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from mbstudio.core.vae import Serialization, StyleLearner
+    from mbstudio.core.vae.training import StyleTraining
+
+
+class Preset(StrEnum):
+    """Presets of the style-learner, by their names in ``mbstudio.core.vae``."""
+
+    ALIGNED = "aligned"
+    PAPER = "paper"
+    PCA = "pca"
+
+
+def learn(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PROJECT|FOLDER", help="A project with grains, a folder of meshes, or an .npz of avatars."
+        ),
+    ],
+    folder: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the style-learner goes.")
+    ],
+    preset: Annotated[
+        Preset,
+        typer.Option("--preset", help="'pca' is the linear baseline, 'paper' the paper's text."),
+    ] = Preset.ALIGNED,
+    n: Annotated[int, typer.Option("-n", "--n", help="Control points of each avatar.")] = 40,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of the training.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
+    grains: GrainsOption = None,
+    limit: LimitOption = None,
+    from_avatars: Annotated[
+        bool, typer.Option("--avatars", help="Learn from a project's avatars instead of its grains.")
+    ] = False,
+    unit: inputs.UnitOption = None,
+    workers: inputs.WorkersOption = None,
+    as_json: inputs.JsonOption = False,
+) -> None:
+    """Learn the style of grains: the shape and size that new ones are to have.
+
+    Every grain is fitted from one common template first, so that control point i means the same in each;
+    then the style-learner is trained. When interrupted, the best state so far is saved.
+    """
+    from mbstudio.core.batch.processes import usable_cores
+    from mbstudio.core.vae import StyleTraining
+
+    begun = time.monotonic()
+    _require_folder(folder)
+    options: dict[str, Any] = {}
+    if steps is not None:
+        if preset is Preset.PCA:
+            raise StyleError("--steps has no meaning for --preset pca: it is found at once.")
+        options["steps"] = steps
+    parents = _parents(source, n, seed, grains, limit, from_avatars, unit, workers or usable_cores())
+    training = StyleTraining(parents, preset.value, seed=seed, **options)
+    learner, interrupted = _trained(training)
+    learner.save(folder)
+    summary = _summary(learner, folder, time.monotonic() - begun)
+    if as_json:
+        console.print_json({**summary, "notes": learner.card.notes, "interrupted": interrupted})
+    else:
+        console.print_facts(f"Style of {source.name}", summary)
+        for note in learner.card.notes:
+            console.tell(f"mbstudio: {note}")
+    if interrupted:
+        console.tell("mbstudio: interrupted: the best state so far was saved.")
+        raise typer.Exit(INTERRUPTED)
+
+
+def _require_folder(folder: Path) -> None:
+    """Refuse a place that holds something else, before the work begins."""
+    from mbstudio.core.vae.model_files import CARD_FILE
+
+    if folder.exists() and not folder.is_dir():
+        raise StyleError(f"{folder} is a file: give the name of a folder for the style-learner.")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD_FILE).exists():
+        raise StyleError(
+            f"{folder} holds other files and no style-learner: choose an empty folder or another name."
+        )
+
+
+def _parents(
+    source: Path, n: int, seed: int, grains: str | None, limit: int | None, from_avatars: bool,
+    unit: str | None, workers: int,
+) -> Serialization:  # fmt: skip
+    """Return the serialized parents of whatever was given."""
+    from mbstudio.core.vae.serialization_file import load_serialization
+    from mbstudio.core.vae.serializer import serialize
+
+    if not source.exists():
+        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+    if source.suffix.lower() == ".npz":
+        return load_serialization(source)
+    bodies: list[Any]
+    if source.is_dir():
+        stored = sorted(source.glob("*.npz"))
+        meshes = sorted(path for path in source.iterdir() if inputs.is_mesh(path))[:limit]
+        if len(stored) == 1 and not meshes:
+            return load_serialization(stored[0])
+        if not meshes:
+            raise MbstudioError(
+                f"{source} holds no meshes (.stl, .ply, .obj, .off): give a project or another folder."
+            )
+        bodies, names = [_mesh(path) for path in meshes], [path.stem for path in meshes]
+    else:
+        project, labels = chosen_grains(source, grains, limit)
+        if from_avatars:
+            labels = [label for label in labels if label in project.fits]
+            bodies = [project.fits[label].avatar for label in labels]
+        else:
+            bodies = [project.grains.grain(label) for label in labels]
+        names = [f"grain {label}" for label in labels]
+    if not bodies:
+        raise SerializationError(f"{source} holds no avatars yet: fit them first, or leave --avatars out.")
+    with console.progress("Serializing") as report, warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = serialize(bodies, n, unit=unit, names=names, seed=seed, processes=workers, on_progress=report)
+    for entry in told:
+        if entry.category.__module__.startswith("mbstudio"):
+            console.tell(f"mbstudio: {entry.message}")
+    return found
+
+
+def _mesh(path: Path) -> trimesh.Trimesh:
+    import trimesh
+
+    try:
+        return trimesh.load(path, force="mesh")  # type: ignore[return-value]
+    except (ValueError, IndexError, KeyError, TypeError) as error:  # trimesh's readers let these through
+        raise SerializationError(
+            f"{path} cannot be read as a mesh ({error}): export it again, or move it away."
+        ) from error
+
+
+def _trained(training: StyleTraining) -> tuple[StyleLearner, bool]:
+    interrupted = False
+    with console.progress("Learning") as report, terminate_as_interrupt():
+        try:
+            for record in training:
+                share = record.step / record.steps if record.steps else 1.0
+                report(
+                    share, f"step {record.step} of {record.steps}, error {100 * record.held_out:.2f} % of D_n"
+                )
+        except KeyboardInterrupt:
+            if not training.history:
+                raise
+            interrupted = True
+    return training.result(), interrupted
+
+
+def _summary(learner: StyleLearner, folder: Path, seconds: float) -> dict[str, Any]:
+    card = learner.card
+    return {
+        "style": str(folder),
+        "preset": card.preset,
+        "parents": card.count,
+        "control_points": card.n,
+        "latents": card.latents,
+        "steps": card.steps,
+        "avatars_rms_percent_of_dn": 100 * card.parents_rms,
+        "trained_rms_percent_of_dn": 100 * card.trained_rms,
+        "held_out_rms_percent_of_dn": 100 * card.held_out_rms,
+        "seconds": round(seconds, 1),
+    }
