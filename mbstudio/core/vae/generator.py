@@ -106,7 +106,7 @@ class _Generating:
         self._targets, self._processes, self._report = targets, processes, report
         # A factor that the quick way does not give is measured of every candidate.
         self._detail = any(target.factor not in QUICK_FACTORS for target in targets)
-        self._batches = 0
+        self._batches = self._choices = 0
         self._exact: dict[int, dict[str, float]] = {}
         self._unmeasurable: set[int] = set()
         self._replaced = 0
@@ -157,7 +157,9 @@ class _Generating:
     def _choice(self, kept: Sequence[int] = ()) -> Choice | None:
         usable = np.flatnonzero(self._usable())
         values = np.stack([self._column(name)[usable] for name in BALANCED_FACTORS], axis=1)
-        rng = np.random.default_rng([self._seed, 0xC40])
+        # Another draw each time: with few clones some come nearer than others.
+        self._choices += 1
+        rng = np.random.default_rng([self._seed, 0xC40, self._choices])
         admitted = asked = None
         if self._targets:
             volumes = self._column("volume")[usable]

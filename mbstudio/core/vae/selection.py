@@ -17,8 +17,9 @@ BALANCED_FACTORS = PAPER_FACTORS
 _SHARES = (0.2, 0.4, 0.6, 0.8)
 _FEWEST_FOR_QUANTILES = 40
 _NOVELTY_SHARES = (0.25, 0.5, 0.75)
-_LEAST_FREEDOM = 1.2
+_LEAST_FREEDOM = 1.1
 _SOFTNESS = 0.03
+_SOFTER = 0.12
 _STAYING = 3.0
 
 
@@ -161,7 +162,7 @@ def parental_inclusion(
     hard = means.shape[1] + deviations.shape[1]
     softness = np.full(everything.shape[1], _SOFTNESS)
     softness[: hard + products.shape[1]] = 0.0
-    softer = np.where(np.arange(everything.shape[1]) < hard, 0.0, _SOFTNESS)
+    softer = np.where(np.arange(everything.shape[1]) < hard, 0.0, _SOFTER)
     both = everything[:, :hard]
     attempts: tuple[tuple[np.ndarray, np.ndarray | float], ...] = (
         (everything, softness),

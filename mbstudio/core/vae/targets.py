@@ -15,13 +15,13 @@ from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, parse_unit
 
 MEAN_TOLERANCE = 0.005
-"""A mean asked for is met to half a percent of it."""
+"""A mean asked for is met to half a percent of it, with few clones to their deviation over their number."""
 
 DEVIATION_TOLERANCE = 0.03
-"""A standard deviation asked for is met to three percent of it."""
+"""A standard deviation asked for is met to three percent of it, with few clones to one over their number."""
 
 CURVE_TOLERANCE = 1.0
-"""A point of a curve is met to one percentage point."""
+"""A point of a curve is met to one percentage point, or to half the share of the largest clone."""
 
 SIEVE_SIZE = "intermediate"
 """The factor that a sieve sorts by."""
@@ -121,15 +121,12 @@ class FactorMoments:
     ) -> tuple[Reached, ...]:
         """Return the moments found against those asked for."""
         mean = float(values.mean())
-        found = [
-            Reached(
-                f"mean {self.factor}", self.mean, mean,
-                abs(mean - self.mean) <= MEAN_TOLERANCE * abs(self.mean),
-            )
-        ]  # fmt: skip
+        allowed = max(MEAN_TOLERANCE * abs(self.mean), float(values.std()) / len(values))
+        found = [Reached(f"mean {self.factor}", self.mean, mean, abs(mean - self.mean) <= allowed)]
         if self.deviation is not None:
             deviation = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-            close = abs(deviation - self.deviation) <= DEVIATION_TOLERANCE * self.deviation
+            allowed = max(DEVIATION_TOLERANCE, 1.0 / len(values))
+            close = abs(deviation - self.deviation) <= allowed * self.deviation
             found.append(Reached(f"s.d. of {self.factor}", self.deviation, deviation, close))
         return tuple(found)
 
@@ -196,13 +193,14 @@ class FactorCurve:
     ) -> tuple[Reached, ...]:
         """Return the percentages found at the points."""
         mass = self._masses(volumes)
+        tolerance = max(CURVE_TOLERANCE, 50.0 * float(mass.max() / mass.sum()))
         found = []
         for point, percent in zip(self.points, self.percents, strict=True):
             share = 100.0 * float(mass[values <= point].sum() / mass.sum())
             what = (
                 f"percent by {self.by} up to {self.factor} {point:.4g}{_unit_words(self.factor, self.unit)}"
             )
-            found.append(Reached(what, percent, share, abs(share - percent) <= CURVE_TOLERANCE))
+            found.append(Reached(what, percent, share, abs(share - percent) <= tolerance))
         return tuple(found)
 
     def _masses(self, volumes: Float[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbstudio.core.vae.balancing import balanced_draw, inclusion
-from mbstudio.core.vae.selection import Moments, choose
+from mbstudio.core.vae.selection import Moments, choose, novelty_rows
 
 
 def test_tilting_a_gaussian_to_another_mean_is_the_exponential_tilt() -> None:
@@ -78,3 +78,16 @@ def test_candidates_that_cannot_follow_are_taken_as_far_as_they_go() -> None:
     assert found is not None
     assert found.level > 1
     assert len(found.rows) == 100
+
+
+def test_clones_are_as_far_from_parents_as_these_from_each_other() -> None:
+    rng = np.random.default_rng(7)
+    parents = Moments.of(rng.normal(size=(100, 6)) + 10.0)
+    among = rng.uniform(1.0, 2.0, 100)
+    candidates, distances = rng.normal(size=(800, 6)) + 10.0, rng.uniform(0.8, 2.4, 800)
+    found = choose(candidates, 250, parents, rng, novel=novelty_rows(distances, among))
+    assert found is not None
+    # Even draws have a median of 1.6; that of the parents is about 1.5.
+    assert found.level == 0
+    assert np.median(distances[found.rows]) == pytest.approx(np.median(among), abs=0.04)
+    assert novelty_rows(distances, among[:20]).shape == (800, 0)

@@ -63,7 +63,7 @@ def test_a_curve_by_mass_counts_mass() -> None:
     (found,) = curve.reached(sizes, volumes)
     assert found.met
     assert found.found == pytest.approx(50.0)
-    (by_number,) = FactorCurve("intermediate", (2.0,), (50.0,), "number", "mm").reached(sizes, volumes)
+    (by_number,) = FactorCurve("intermediate", (2.0,), (40.0,), "number", "mm").reached(sizes, volumes)
     assert not by_number.met
     assert by_number.found == pytest.approx(200 / 3)
 
