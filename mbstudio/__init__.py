@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mbstudio.core.metrics import ShapeFactors, measure
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan, open_scan
+    from mbstudio.core.vae import StyleLearner, generate, learn, load_style_learner, serialize
 
 _HOME_OF = {
     "Avatar": "metaball",
@@ -30,12 +31,17 @@ _HOME_OF = {
     "Project": "project",
     "Scan": "scan",
     "ShapeFactors": "metrics",
+    "StyleLearner": "vae",
     "export": "dem",
     "fit": "imaging",
+    "generate": "vae",
+    "learn": "vae",
     "load_labels": "grains",
+    "load_style_learner": "vae",
     "measure": "metrics",
     "open_scan": "scan",
     "segment": "grains",
+    "serialize": "vae",
     "start_fit": "imaging",
 }
 
@@ -48,13 +54,18 @@ __all__ = [
     "Project",
     "Scan",
     "ShapeFactors",
+    "StyleLearner",
     "__version__",
     "export",
     "fit",
+    "generate",
+    "learn",
     "load_labels",
+    "load_style_learner",
     "measure",
     "open_scan",
     "segment",
+    "serialize",
     "start_fit",
 ]
 
