@@ -112,10 +112,24 @@ def test_export_and_project(tmp_path, small_scan_file, grains, result):
         np.testing.assert_array_equal(opened.grains.labels, grains.labels)
 
 
-def test_what_is_not_there_yet_is_absent():
-    for name in ("train", "generate"):
-        assert name not in dir(mb)
-        assert not hasattr(mb, name)
+def test_bodies_become_a_style_and_the_style_new_grains(tmp_path):
+    rng = np.random.default_rng(3)
+    bodies = []
+    for _ in range(6):
+        body = trimesh.creation.icosphere(3)
+        body.apply_scale(np.exp(0.2 * rng.normal(size=3)))
+        body.units = "mm"
+        bodies.append(body)
+    parents = mb.serialize(bodies, 8)
+    assert parents.unit == "mm"
+    assert parents.rms.max() < 0.01
+    mb.learn(parents, preset="pca").save(tmp_path / "style")
+    clones = mb.generate(mb.load_style_learner(tmp_path / "style"), 5, seed=1)
+    assert len(clones.avatars()) == 5
+    assert clones.factors.unit == "mm"
+    volumes = [body.volume for body in bodies]
+    assert (clones.factors.column("volume") < 3 * max(volumes)).all()
+    assert (clones.factors.column("volume") > min(volumes) / 3).all()
 
 
 def test_every_public_name_is_there():
