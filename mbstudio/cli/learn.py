@@ -18,7 +18,7 @@ from mbstudio.core.errors import MbstudioError, SerializationError, StyleError
 if TYPE_CHECKING:
     import trimesh
 
-    from mbstudio.core.vae import Serialization, StyleLearner
+    from mbstudio.core.vae import Serialization, StyleLearner, Template
     from mbstudio.core.vae.training import StyleTraining
 
 
@@ -45,6 +45,10 @@ def learn(
         typer.Option("--preset", help="'pca' is the linear baseline, 'paper' the paper's text."),
     ] = Preset.ALIGNED,
     n: Annotated[int, typer.Option("-n", "--n", help="Control points of each avatar.")] = 40,
+    on: Annotated[
+        Path | None,
+        typer.Option("--on", metavar="STYLE", help="Learn on: teach these grains to this style-learner too."),
+    ] = None,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of the training.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
     grains: GrainsOption = None,
@@ -59,20 +63,29 @@ def learn(
     """Learn the style of grains: the shape and size that new ones are to have.
 
     Every grain is fitted from one common template first, so that control point i means the same in each;
-    then the style-learner is trained. When interrupted, the best state so far is saved.
+    then the style-learner is trained. When interrupted, the best state so far is saved. With --on, preset and
+    control points are those of the style-learner that learns on; its old parents are not forgotten.
     """
     from mbstudio.core.batch.processes import usable_cores
-    from mbstudio.core.vae import StyleTraining
+    from mbstudio.core.vae import StyleTraining, learn_on, load_style_learner
 
     begun = time.monotonic()
     _require_folder(folder)
     options: dict[str, Any] = {}
+    known = None if on is None else load_style_learner(on)
     if steps is not None:
-        if preset is Preset.PCA:
-            raise StyleError("--steps has no meaning for --preset pca: it is found at once.")
+        if (preset.value if known is None else known.preset) == Preset.PCA:
+            raise StyleError("--steps has no meaning for preset 'pca': it is found at once.")
         options["steps"] = steps
-    parents = _parents(source, n, seed, grains, limit, from_avatars, unit, workers or usable_cores())
-    training = StyleTraining(parents, preset.value, seed=seed, **options)
+    template = None if known is None else known.template
+    parents = _parents(
+        source, n, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
+    )
+    training: StyleTraining
+    if known is None:
+        training = StyleTraining(parents, preset.value, seed=seed, **options)
+    else:
+        training = learn_on(known, parents, seed=seed, **options)
     learner, interrupted = _trained(training)
     learner.save(folder)
     summary = _summary(learner, folder, time.monotonic() - begun)
@@ -101,7 +114,7 @@ def _require_folder(folder: Path) -> None:
 
 def _parents(
     source: Path, n: int, seed: int, grains: str | None, limit: int | None, from_avatars: bool,
-    unit: str | None, workers: int,
+    unit: str | None, workers: int, template: Template | None,
 ) -> Serialization:  # fmt: skip
     """Return the serialized parents of whatever was given."""
     from mbstudio.core.vae.serialization_file import load_serialization
@@ -134,7 +147,16 @@ def _parents(
         raise SerializationError(f"{source} holds no avatars yet: fit them first, or leave --avatars out.")
     with console.progress("Serializing") as report, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        found = serialize(bodies, n, unit=unit, names=names, seed=seed, processes=workers, on_progress=report)
+        found = serialize(
+            bodies,
+            n,
+            template=template,
+            unit=unit,
+            names=names,
+            seed=seed,
+            processes=workers,
+            on_progress=report,
+        )
     for entry in told:
         if entry.category.__module__.startswith("mbstudio"):
             console.tell(f"mbstudio: {entry.message}")

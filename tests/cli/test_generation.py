@@ -10,6 +10,8 @@ import pytest
 
 from mbstudio.core.dem.metaball import read_metaball
 from mbstudio.core.metaball.validity import check
+from mbstudio.core.vae import load_style_learner
+from mbstudio.core.vae.radii import surface_rms
 from mbstudio.core.vae.serialization_file import save_serialization
 from tests.core.vae.boxes import boxes
 
@@ -92,3 +94,18 @@ def test_learning_refuses_what_it_cannot_use(mbstudio, tmp_path):
         assert words in ran.err
         assert not (tmp_path / "style").exists()
     assert (tmp_path / "full" / "notes.txt").read_text() == "mine"
+
+
+def test_learning_on_adds_parents(mbstudio, style, tmp_path):
+    save_serialization(boxes(5, np.random.default_rng(8)), tmp_path / "more.npz")
+    ran = mbstudio("learn", tmp_path / "more.npz", "--on", style, "-o", tmp_path / "both", "--json")
+    assert ran.code == 0, ran.err
+    said = json.loads(ran.out)
+    assert (said["parents"], said["preset"], said["control_points"]) == (17, "pca", 8)
+    old, both = load_style_learner(style), load_style_learner(tmp_path / "both")
+    assert both.parents.names[:12] == old.parents.names
+    made = both.decode(both.encode(old.parents))
+    assert surface_rms(old.parents, made).max() < 0.02
+    ran = mbstudio("learn", tmp_path / "more.npz", "--on", tmp_path, "-o", tmp_path / "none")
+    assert ran.code == 1
+    assert not (tmp_path / "none").exists()
