@@ -104,11 +104,13 @@ def _report(learner: StyleLearner, found: Generation, path: Path, name: str, pro
     from mbstudio.scene.generation_report import write_generation_report
 
     assert found.factors is not None
-    with console.progress("Measuring the parents") as tell:
-        parents = measure_population(
-            learner.parents.avatars(), range(1, len(learner.parents) + 1), name="parents", kind="avatars",
-            workers=0 if processes == 1 else processes, progress=tell,
-        )  # fmt: skip
+    parents = found.parent_factors
+    if parents is None:
+        with console.progress("Measuring the parents") as tell:
+            parents = measure_population(
+                learner.parents.avatars(), range(1, len(learner.parents) + 1), name="parents", kind="avatars",
+                workers=0 if processes == 1 else processes, progress=tell,
+            )  # fmt: skip
     quality = assess(learner.parents, parents, found.clones, found.factors, counts=found.counts)
     with console.progress("Drawing") as tell:
         write_generation_report(path, name, found, parents, quality, progress=tell)

@@ -80,6 +80,8 @@ class Generation:
     reached : tuple of Reached
         What was asked for and what came of it; empty without targets.
     seed : int
+    parent_factors : Population or None
+        The parents measured as the clones are; None where that was not needed.
     """
 
     clones: Serialization
@@ -91,6 +93,7 @@ class Generation:
     effective: float
     reached: tuple[Reached, ...]
     seed: int
+    parent_factors: Population | None = None
 
     def __len__(self) -> int:
         return len(self.clones)

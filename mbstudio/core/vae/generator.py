@@ -33,6 +33,9 @@ _MOST_SHARE = 4.0
 _MOST_SHARE_OF_TARGETS = 12.0
 _MOST_ROUNDS = 8
 _CALIBRATORS = 24
+_CORRECTIONS = 3
+_CLOSE = 0.02
+"""Deviations of the parents by which means, and share by which deviations, may miss theirs."""
 
 
 def generate(
@@ -82,7 +85,7 @@ def generate(
     if wanted:
         choice, exact = work.met(choice)
     elif measured:
-        choice, exact = work.measurable(choice)
+        choice, exact = work.followed(choice)
     report(1.0, f"{count} clones")
     return work.generation(choice, exact)
 
@@ -93,6 +96,10 @@ def _targets(given: Sequence[str] | Sequence[Target], unit: str) -> tuple[Target
     for target in texts:
         found.extend(parse_targets([target], unit) if isinstance(target, str) else [target])
     return tuple(found)
+
+
+def _values(bodies: Population) -> Float64[np.ndarray, "bodies 6"]:
+    return np.stack([bodies.column(name) for name in BALANCED_FACTORS], axis=1)
 
 
 class _Generating:
@@ -110,7 +117,8 @@ class _Generating:
         self._exact: dict[int, dict[str, float]] = {}
         self._unmeasurable: set[int] = set()
         self._replaced = 0
-        self._scales: dict[str, float] = {}
+        self._lines: dict[str, tuple[float, float]] = {}
+        self._exact_parents: Population | None = None
         self._distances = np.empty(0)
         self._parents = self._moments_of_parents()
         self._pool = self._drawn(int(np.ceil(_FIRST_SHARE * count)) + _SPARE)
@@ -210,7 +218,8 @@ class _Generating:
     def _column(self, name: str) -> Float64[np.ndarray, " candidates"]:
         """Return a factor of all candidates: exact where known, else the quick one, brought to scale."""
         if name in QUICK_FACTORS:
-            column = self._pool.column(name) * self._scales.get(name, 1.0)
+            slope, start = self._lines.get(name, (1.0, 0.0))
+            column = start + slope * self._pool.column(name)
         else:
             self._measure(np.flatnonzero(self._usable()).tolist())
             column = np.full(len(self._pool), np.nan)
@@ -252,6 +261,50 @@ class _Generating:
         words = "" if missed is None else f": {missed.what} comes to {missed.found:.4g}"
         raise GenerationError(f"These parents cannot give {self._words()} closely enough{words}.")
 
+    def followed(self, choice: Choice) -> tuple[Choice, Population]:
+        """Return a choice whose exact factors follow the parents' exact ones.
+
+        On rough bodies rays find the perimeter of a projection, and so its circularity, only roughly. So
+        after the first choice is measured, others are chosen for what rays could not tell.
+        """
+        choice, exact = self.measurable(choice)
+        quick, parents = self._parents, self._parents_exactly()
+        for _ in range(_CORRECTIONS):
+            if parents is None or parents.missed_by(_values(exact)) <= _CLOSE:
+                break
+            self._parents = parents
+            self._fit_lines()
+            again = self._choice(sorted(self._exact))
+            if again is None or again.level > choice.level:
+                self._parents = quick
+                break
+            self._replaced += len(set(choice.rows.tolist()) - set(again.rows.tolist()))
+            after, found = self.measurable(again)
+            if parents.missed_by(_values(found)) < parents.missed_by(_values(exact)):
+                choice, exact = after, found
+        return choice, exact
+
+    def _parents_exactly(self) -> Moments | None:
+        """Return the moments of the parents by the measure of the clones; None if too few can be measured."""
+        shapes = self._learner.parents
+        self._exact_parents = measure_population(
+            shapes.avatars(), range(1, len(shapes) + 1), name="parents", kind="avatars",
+            workers=0 if self._processes == 1 else self._processes,
+        )  # fmt: skip
+        values = _values(self._exact_parents)
+        values = values[np.isfinite(values).all(axis=1)]
+        return Moments.of(values) if len(values) > 1 else None
+
+    def _fit_lines(self) -> None:
+        """Bring the quick factors of all candidates to the exact ones of those measured, by a line each."""
+        rows = sorted(self._exact)
+        for name in BALANCED_FACTORS:
+            exact = np.array([self._exact[i][name] for i in rows])
+            rough = self._pool.column(name)[rows]
+            spread = float(rough.var())
+            slope = float(np.cov(rough, exact, bias=True)[0, 1]) / spread if spread > 1e-18 else 1.0
+            self._lines[name] = (slope, float(exact.mean() - slope * rough.mean()))
+
     def measurable(self, choice: Choice) -> tuple[Choice, Population]:
         """Return a choice of which every body can be measured exactly."""
         for _ in range(_MOST_ROUNDS):
@@ -284,7 +337,7 @@ class _Generating:
         for name in {target.factor for target in self._targets} | set(BALANCED_FACTORS):
             if name in QUICK_FACTORS:
                 exact = np.array([self._exact[i][name] for i in rows])
-                self._scales[name] = float(exact.mean() / self._pool.column(name)[rows].mean())
+                self._lines[name] = (float(exact.mean() / self._pool.column(name)[rows].mean()), 0.0)
 
     def _reached(self, choice: Choice) -> tuple[Reached, ...]:
         factors = [self._exact[int(i)] for i in choice.rows]
@@ -342,4 +395,5 @@ class _Generating:
         return Generation(
             replace(pool.shapes.take(rows), names=names), pool.latents[rows], pool.parents[rows], exact,
             counts, how, choice.effective, self._reached(choice) if self._targets else (), self._seed,
+            self._exact_parents,
         )  # fmt: skip

@@ -53,6 +53,15 @@ class Moments:
         quantiles = np.quantile(values, told, axis=0) if told else np.empty((0, values.shape[1]))
         return cls(means, deviations, scaled.T @ scaled / (len(values) - 1), len(values), quantiles)
 
+    def missed_by(self, values: Float[np.ndarray, "clones 6"]) -> float:
+        """Return the largest error of a mean or standard deviation of clones, in deviations of the bodies."""
+        spread = self.deviations > 0
+        if not spread.any() or len(values) < 2:
+            return 0.0
+        off = np.abs(values.mean(axis=0) - self.means)[spread] / self.deviations[spread]
+        wide = np.abs(values.std(axis=0, ddof=1)[spread] / self.deviations[spread] - 1.0)
+        return float(max(off.max(), wide.max()))
+
     def shrunk(self, values: Float[np.ndarray, "candidates 6"]) -> Moments:
         """Return these moments, the correlations partly those of the candidates where there are few bodies.
 
@@ -145,8 +154,18 @@ def parental_inclusion(
     count: int,
     parents: Moments,
     novel: Float[np.ndarray, "candidates q"] | None = None,
+    log_odds: Float[np.ndarray, " candidates"] | None = None,
 ) -> tuple[Inclusion, int, np.ndarray]:
     """Return inclusion probabilities that give clones the parents' moments, as far as can be had.
+
+    Parameters
+    ----------
+    values : float array, shape (candidates, 6)
+    count : int
+    parents : Moments
+    novel : float array, shape (candidates, q), optional
+    log_odds : float array, shape (candidates,), optional
+        Of the probabilities to depart from; even ones by default.
 
     Returns
     -------
@@ -173,7 +192,7 @@ def parental_inclusion(
     )
     least = min(_LEAST_FREEDOM * count, 0.5 * (count + len(values)))
     for level, (rows, allowed) in enumerate(attempts):
-        found = inclusion(rows, count, softness=allowed)
+        found = inclusion(rows, count, log_odds=log_odds, softness=allowed)
         if found.converged and found.effective >= least:
             return found, level, rows
     nothing = np.empty((len(values), 0))
@@ -218,7 +237,11 @@ def choose(
         return None
     if len(values) == count and admitted is None and asked is None:
         return Choice(np.arange(count), len(LEVELS) - 1, LEVELS[-1], float(count))
-    like_parents, level, rows = parental_inclusion(values, count, parents, novel)
+    staying = None
+    if len(kept) and admitted is None and asked is None:
+        staying = np.zeros(len(values))
+        staying[list(kept)] = _STAYING
+    like_parents, level, rows = parental_inclusion(values, count, parents, novel, staying)
     p, effective, places = like_parents.probabilities, like_parents.effective, np.arange(len(values))
     if admitted is not None or asked is not None:
         places = np.arange(len(values)) if admitted is None else np.flatnonzero(admitted)
