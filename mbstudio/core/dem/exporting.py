@@ -99,6 +99,8 @@ def export(
         raise ExportError("There is no avatar to export: fit a grain first.")
     chosen = find_target(target)
     unit = parse_unit(unit or chosen.default_unit or avatars[0].unit)
+    if chosen.units and unit not in chosen.units:
+        raise ExportError(f"{chosen.title} are always in {' or '.join(chosen.units)}: leave the unit out.")
     density = _checked_density(chosen.title, chosen.needs_density, density)
     settings = complete_options(chosen, options)
     names = choose_names(avatars, names)

@@ -16,7 +16,7 @@ from mbstudio.core.errors import ExportError
 
 Progress = Callable[[float, str], None]
 
-_MODULES = ("stl", "obj", "ply", "metaball", "liggghts")
+_MODULES = ("stl", "obj", "ply", "metaball", "liggghts", "lammps")
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,8 @@ class Target:
     default_unit : str or None
         Unit of the files unless the caller says another; None: that of the first avatar.
     options : mapping of str to Option
+    units : tuple of str
+        Those that the files can be in; empty: any.
     write : callable(Job) -> Written
     validate : callable(folder, manifest)
         Reads every file back and raises ExportError for what an engine would swallow.
@@ -109,6 +111,7 @@ class Target:
     write: Callable[[Job], Written]
     validate: Callable[[Path, Mapping[str, Any]], None]
     options: Mapping[str, Option] = field(default_factory=lambda: MappingProxyType({}))
+    units: tuple[str, ...] = ()
 
 
 @cache

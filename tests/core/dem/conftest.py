@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 import pytest
 
+from mbstudio.core.dem.engines import VARIABLE, find_engine
 from mbstudio.core.metaball import Avatar
 
 
@@ -37,10 +36,39 @@ def ring() -> Avatar:
     return Avatar(centers, np.full(12, 0.35), "mm", name="ring")
 
 
+def engine_or_skip(name: str) -> list[str]:
+    """Return the command that starts an engine; skip the test by the engine's name without it."""
+    command = find_engine(name)
+    if command is None:
+        pytest.skip(f"the DEM engine {name} is not installed (see mbstudio doctor and {VARIABLE})")
+    return command
+
+
 @pytest.fixture(scope="session")
 def liggghts() -> str:
     """The LIGGGHTS executable."""
-    found = shutil.which("liggghts")
-    if found is None:
-        pytest.skip("the DEM engine LIGGGHTS is not installed (executable 'liggghts')")
-    return found
+    return engine_or_skip("LIGGGHTS")[0]
+
+
+@pytest.fixture(scope="session")
+def lammps() -> str:
+    """The LAMMPS executable."""
+    return engine_or_skip("LAMMPS")[0]
+
+
+@pytest.fixture(scope="session")
+def kratos() -> str:
+    """An interpreter with Kratos and its DEM application."""
+    return engine_or_skip("Kratos")[0]
+
+
+@pytest.fixture(scope="session")
+def peclet() -> str:
+    """An interpreter with peclet-dem."""
+    return engine_or_skip("peclet-dem")[0]
+
+
+@pytest.fixture(scope="session")
+def yade() -> str:
+    """The Yade executable."""
+    return engine_or_skip("Yade")[0]
