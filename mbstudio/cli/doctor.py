@@ -133,5 +133,8 @@ def find_engines() -> dict[str, str | None]:
     for name in engines.engine_names():
         command = engines.find_engine(name)
         module = engines.MODULES.get(name)
-        found[name] = command and (f"Python module {module} of {command[0]}" if module else command[0])
+        if command is None:
+            found[name] = None
+        else:
+            found[name] = f"Python module {module} of {command[0]}" if module else command[0]
     return found

@@ -16,7 +16,7 @@ from mbstudio.core.errors import ExportError
 
 Progress = Callable[[float, str], None]
 
-_MODULES = ("stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos")
+_MODULES = ("stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos", "peclet")
 
 
 @dataclass(frozen=True)

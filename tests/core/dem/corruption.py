@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mbstudio.core.dem import validate
@@ -26,4 +27,21 @@ def assert_refused(folder: Path, name: str, change: Change, message: str) -> Non
         assert str(path) in str(caught.value)
     finally:
         path.write_bytes(text)
+    validate(folder)
+
+
+def assert_arrays_refused(folder: Path, name: str, change: Callable[[dict], None], message: str) -> None:
+    """Change the arrays of an .npz file in place, expect ExportError naming it, and put it back."""
+    path = folder / name
+    stored = path.read_bytes()
+    with np.load(path) as arrays:
+        content = {key: arrays[key].copy() for key in arrays.files}
+    change(content)
+    try:
+        np.savez(path, **content)
+        with pytest.raises(ExportError, match=message) as caught:
+            validate(folder, digests=False)
+        assert str(path) in str(caught.value)
+    finally:
+        path.write_bytes(stored)
     validate(folder)
