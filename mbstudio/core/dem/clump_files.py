@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump, sphere_clump
+from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.target import Job, Option
 from mbstudio.core.errors import ExportError
 
@@ -47,6 +48,26 @@ def describe_clump(clump: Clump, body: DemBody) -> dict[str, Any]:
         "hausdorff": clump.hausdorff,
         "hausdorff_over_nominal_diameter": clump.hausdorff / diameter,
     }
+
+
+def write_sphere_table(path: Path, clump: Clump, header: str = "") -> None:
+    """Write a clump as comma-separated rows x, y, z, r, after a header line if there is one."""
+    rows = [",".join(f"{value:.12e}" for value in row) for row in sphere_rows(clump)]
+    path.write_text("\n".join([header, *rows] if header else rows) + "\n", encoding="ascii")
+
+
+def check_sphere_table(path: Path, item: Mapping[str, Any], header: str = "") -> None:
+    """Raise ExportError unless comma-separated rows x, y, z, r are the clump that the manifest describes.
+
+    Engines swallow a missing header (the first sphere is lost) or a misspelt one (radii become zero).
+    """
+    lines = read_text(path).splitlines()
+    if header:
+        if lines[:1] != [header]:
+            said = lines[0] if lines else ""
+            raise ExportError(f"{path} has the header '{said}' in place of '{header}'.")
+        lines = lines[1:]
+    check_spheres(path, number_rows(path, lines, 4, ","), item)
 
 
 def check_spheres(

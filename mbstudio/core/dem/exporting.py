@@ -40,6 +40,8 @@ class ExportReport:
         What manifest.json says.
     items : tuple of mappings
         The manifest's entry for each avatar: name, files, volume, mass, moments, pose, details.
+    warnings : tuple of str
+        What the engine will find hard about an avatar, naming it.
     """
 
     folder: Path
@@ -47,6 +49,7 @@ class ExportReport:
     files: tuple[Path, ...]
     manifest: Mapping[str, Any]
     items: tuple[Mapping[str, Any], ...]
+    warnings: tuple[str, ...] = ()
 
 
 def export(
@@ -128,7 +131,8 @@ def export(
             raise ExportError(str(error).replace(str(temporary), str(folder))) from error
     report_progress(1.0, "Exported")
     files = tuple(folder / name for name in [*manifest["files"], FILE_NAME])
-    return ExportReport(folder, target, files, manifest, tuple(manifest["items"]))
+    warnings = [warning for item in items for warning in item["details"].get("warnings", ())]
+    return ExportReport(folder, target, files, manifest, tuple(manifest["items"]), tuple(warnings))
 
 
 def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:

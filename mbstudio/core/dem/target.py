@@ -16,7 +16,10 @@ from mbstudio.core.errors import ExportError
 
 Progress = Callable[[float, str], None]
 
-_MODULES = ("stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos", "peclet")
+_MODULES = (
+    "stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos", "peclet", "yade", "yade_level_set",
+    "pfc", "dem_engine", "comflusom", "mercury", "edem", "mechsys",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
