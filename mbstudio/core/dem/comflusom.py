@@ -2,10 +2,9 @@
 
 ComFluSoM reads no files: ``<name>.csv`` (header ``x,y,z,k``) is for people and scripts, ``add_metaballs.h``
 holds the ``AddMetaball(tag, rs, points, k, rho)`` calls. Its k is ours. It meshes every metaball by rays from
-the mean control point, each by Newton's method from r = 1, and aborts where that ends below zero. From inside
-a metaball that rays cross once it ends on the surface; from outside it takes one step only. So all avatars
-are scaled together until each holds the unit sphere about its mean control point, the same search is tried
-here, and an avatar on which it fails is warned of.
+the mean control point, each by Newton's method from r = 1, and aborts where that ends below zero. Whether it
+does depends on the scale: so all avatars are scaled together as suits the search best, the same search is
+tried here, and an avatar on which it fails is warned of.
 
 Source: ComFluSoM, Library/DEM/METABALL.h (Zhang et al., the paper's authors).
 """
@@ -18,7 +17,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from mbstudio.core.dem.metaball import check_body, read_table, write_table
 from mbstudio.core.dem.reading_back import read_text
@@ -30,12 +29,12 @@ from mbstudio.core.metrics.sphere_directions import half_sphere
 _CALLS = "add_metaballs.h"
 _ENOUGH = 1e-12
 _MOST = 10000
-_MARGIN = 1.05
 
 
 def write(job: Job) -> Written:
     """Write a table for each body, and one header with the calls for all."""
-    scale = search_scale([body.avatar for body in job.bodies]) if job.options["scaled"] else 1.0
+    radius = float(np.median([(3 * body.mass.volume / (4 * np.pi)) ** (1 / 3) for body in job.bodies]))
+    scale = search_scale([body.avatar for body in job.bodies], radius) if job.options["scaled"] else 1.0
     details = []
     text = (
         "// Include where d is a DEM*: each call adds one avatar.\n"
@@ -75,24 +74,31 @@ def _call(number: int, name: str, avatar: Avatar) -> str:
     )
 
 
-def search_scale(avatars: Sequence[Avatar]) -> float:
-    """Return the factor by which every avatar comes to hold the unit sphere about its mean control point.
+def search_scale(avatars: Sequence[Avatar], radius: float) -> float:
+    """Return the common factor by which ComFluSoM's search goes astray in the fewest directions.
 
-    Avatars whose mean control point lies outside do not count: no factor helps them.
+    Of lengths that make `radius` 0.4 to 2.5: the middle one of those that do equally well.
+
+    Parameters
+    ----------
+    avatars : sequence of Avatar
+    radius : float
+        A typical radius of the avatars, in their unit.
     """
-    nearest = []
-    for avatar in avatars:
-        center = avatar.centers.mean(axis=0, keepdims=True)
-        if avatar.contains(center)[0]:
-            nearest.append(abs(float(avatar.signed_distance(center, iterated=True)[0])))
-    return _MARGIN / min(nearest) if nearest else 1.0
+    factors = np.geomspace(0.4, 2.5, 23) / radius
+    astray = [
+        sum(np.count_nonzero(~search_succeeds(avatar.scaled(factor), 320)) for avatar in avatars)
+        for factor in factors
+    ]
+    best = np.flatnonzero(np.array(astray) == min(astray))
+    return float(f"{factors[best[len(best) // 2]]:.3g}")
 
 
 def search_succeeds(avatar: Avatar, count: int = 1280) -> Bool[np.ndarray, " directions"]:
-    """Return for evenly spread directions whether ComFluSoM's search for the surface ends on it.
+    """Return for evenly spread directions whether ComFluSoM's search for the surface ends well.
 
     Newton's method on f(c + r n) - 1 from r = 1, c the mean control point, which stops as soon as the
-    value is below 1e-12, hence after one step from a point outside.
+    value is below 1e-12; ComFluSoM aborts if r is below zero then (and bisects otherwise).
 
     Parameters
     ----------
@@ -108,27 +114,14 @@ def search_succeeds(avatar: Avatar, count: int = 1280) -> Bool[np.ndarray, " dir
     going = np.ones(len(directions), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(_MOST):
-            value, slope = _along(avatar, center, directions[going], radius[going])
+            points = center + radius[going, None] * directions[going]
+            value = avatar.field(points) - 1.0
+            slope = np.einsum("ij,ij->i", avatar.gradient(points), directions[going])
             radius[going] -= value / slope
-            still = going.copy()
-            still[going] = (value >= _ENOUGH) & np.isfinite(radius[going])
-            going = still
+            going[going] = (value >= _ENOUGH) & np.isfinite(radius[going])
             if not going.any():
                 break
-        value, _ = _along(avatar, center, directions, radius)
-    return (radius > 0) & (np.abs(value) < 1e-6) & ~going
-
-
-def _along(
-    avatar: Avatar,
-    center: Float[np.ndarray, " 3"],
-    directions: Float[np.ndarray, "m 3"],
-    radius: Float[np.ndarray, " m"],
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Return f - 1 and its derivative at c + r n along the rays."""
-    points = center + radius[:, None] * directions
-    slope = np.einsum("ij,ij->i", avatar.gradient(points), directions)
-    return avatar.field(points) - 1.0, slope
+    return (radius > 0) & np.isfinite(radius) & ~going
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -165,6 +158,6 @@ TARGET = Target(
     write=write,
     validate=validate,
     options=MappingProxyType(
-        {"scaled": Option(True, "scale all avatars together so that ComFluSoM's search begins inside each")}
+        {"scaled": Option(True, "scale all avatars together to what suits ComFluSoM's search")}
     ),
 )
