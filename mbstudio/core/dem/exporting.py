@@ -20,6 +20,9 @@ from mbstudio.core.dem.manifest import (
     read_manifest,
     write_manifest,
 )
+from mbstudio.core.dem.specimen import SpecimenPlan, make_specimen
+from mbstudio.core.dem.specimen_files import FILE_NAME as SPECIMEN_NAME
+from mbstudio.core.dem.specimen_files import check_specimen, describe_specimen, write_specimen
 from mbstudio.core.dem.target import Job, Progress, complete_options, find_target
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball.avatar import Avatar
@@ -62,6 +65,7 @@ def export(
     names: Sequence[str] | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
+    specimen: SpecimenPlan | None = None,
     **options: Any,
 ) -> ExportReport:
     """Write avatars for a DEM engine: each with its centre of mass at the origin and principal axes.
@@ -87,6 +91,9 @@ def export(
         Write into a folder that holds other files and no earlier export.
     progress : callable(fraction, message), optional
         Raising in it cancels.
+    specimen : SpecimenPlan, optional
+        Particles of a wanted size distribution: written as specimen.csv for every target, and as decks
+        that pour them for LIGGGHTS and LAMMPS.
     **options
         The target's options.
 
@@ -116,13 +123,28 @@ def export(
         for index, (avatar, name) in enumerate(zip(avatars, names, strict=True)):
             report_progress(0.4 * index / len(avatars), f"Mass properties of {name}")
             bodies.extend(prepare_bodies([avatar], [name], unit, density))
-        job = Job(bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m))
+        particles = None if specimen is None else make_specimen(bodies, specimen, unit)
+        job = Job(
+            bodies,
+            temporary,
+            unit,
+            density,
+            settings,
+            lambda f, m: report_progress(0.4 + 0.5 * f, m),
+            particles,
+        )
         written = chosen.write(job)
+        shared = written.shared_files
+        if particles is not None:
+            write_specimen(temporary, particles)
+            shared = (*shared, SPECIMEN_NAME)
         items = [
             describe_body(body, density, files, details)
             for body, files, details in zip(bodies, written.item_files, written.item_details, strict=True)
         ]
-        manifest = make_manifest(target, unit, density, settings, items, written.shared_files, temporary)
+        manifest = make_manifest(target, unit, density, settings, items, shared, temporary)
+        if particles is not None and specimen is not None:
+            manifest["specimen"] = describe_specimen(particles, specimen)
         write_manifest(temporary, manifest)
         report_progress(0.9, "Reading back")
         try:
@@ -161,6 +183,8 @@ def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
         if not (folder / name).is_file():
             raise ExportError(f"{folder / name} is missing: export again.")
     chosen.validate(folder, manifest)
+    if "specimen" in manifest:
+        check_specimen(folder, manifest)
     if digests:
         check_digests(folder, manifest)
     return manifest

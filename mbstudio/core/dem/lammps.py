@@ -23,6 +23,7 @@ from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
 from mbstudio.core.dem.clump_files import POURED, SPHERES, check_spheres, describe_clump, fitted_clumps
 from mbstudio.core.dem.lammps_deck import DECK_NAME, pouring_deck
+from mbstudio.core.dem.lammps_specimen import check_specimen_files, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.point_masses import balanced_masses
 from mbstudio.core.dem.reading_back import must_agree, number_rows, read_lines, read_text
@@ -44,7 +45,10 @@ def write(job: Job) -> Written:
         details.append({**describe_clump(clump, body), "balanced_masses": balanced})
     deck = pouring_deck(job.bodies, clumps, [entry[0] for entry in files], int(job.options["poured"]))
     (job.folder / DECK_NAME).write_text(deck, encoding="ascii")
-    return Written(files, details, (DECK_NAME,))
+    shared: tuple[str, ...] = (DECK_NAME,)
+    if job.specimen is not None:
+        shared += write_specimen_deck(job.folder, job.specimen, job.bodies, clumps)
+    return Written(files, details, shared)
 
 
 def molecule_text(body: DemBody, clump: Clump, masses: np.ndarray) -> str:
@@ -87,6 +91,8 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     loaded = [line.split()[2:] for line in read_lines(deck) if line.startswith("molecule ")]
     if loaded != [[item["files"][0] for item in manifest["items"]]]:
         raise ExportError(f"{deck} does not load the molecules of the manifest, each once and in order.")
+    if "specimen" in manifest:
+        check_specimen_files(folder, manifest)
 
 
 def _check_molecule(path: Path, item: Mapping[str, Any]) -> None:

@@ -37,14 +37,14 @@ fix pour all pour {box.particles} 0 49979687 region above mol grains molfrac {" 
 {closing(steps)}"""
 
 
-def opening(box: SettlingBox, contact: SpringContact, title: str) -> str:
+def opening(box: SettlingBox, contact: SpringContact, title: str, name: str = DECK_NAME) -> str:
     """Return the part of a deck that makes the box, its walls, the contact law and gravity."""
     law = (
         f"{contact.stiffness:.6e} {contact.stiffness * 2 / 7:.6e} "
         f"{contact.damping:.6e} {contact.damping / 2:.6e} 0.5 1"
     )
     half, high = box.half, box.top + 2 * box.reach
-    return f"""# {title}. Run: lmp -in {DECK_NAME}
+    return f"""# {title}. Run: lmp -in {name}
 units si
 atom_style sphere
 atom_modify map array

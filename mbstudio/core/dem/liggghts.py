@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump_files import (
     POURED,
     SPHERES,
@@ -29,6 +28,8 @@ from mbstudio.core.dem.clump_files import (
     sphere_rows,
 )
 from mbstudio.core.dem.liggghts_deck import DECK_NAME, settling_deck
+from mbstudio.core.dem.liggghts_specimen import check_specimen_deck, write_specimen_deck
+from mbstudio.core.dem.liggghts_template import template_command
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import agrees, number_rows, read_lines, read_text
 from mbstudio.core.dem.target import Job, Option, Target, Written
@@ -49,29 +50,11 @@ def write(job: Job) -> Written:
         files.append((spheres, template))
     deck = settling_deck(job.bodies, clumps, [entry[1] for entry in files], int(job.options["poured"]))
     (job.folder / DECK_NAME).write_text(deck, encoding="ascii")
+    shared: tuple[str, ...] = (DECK_NAME,)
+    if job.specimen is not None:
+        shared += write_specimen_deck(job, job.specimen, clumps)
     details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
-    return Written(files, details, (DECK_NAME,))
-
-
-def template_command(body: DemBody, spheres_file: str, nspheres: int, number: int, ntry: int) -> str:
-    """Return the ``fix particletemplate/multisphere`` command of one body: SI units, principal axes."""
-    metres = METRES_PER_UNIT[body.mass.unit]
-    ixx, iyy, izz = (f"{moment:.9e}" for moment in body.mass.principal * metres**2)
-    return (
-        f"# {body.name}: mass in kg, inertia tensor in kg m2 as Ixx Ixy Ixz Iyy Iyz Izz\n"
-        f"fix template{number} all particletemplate/multisphere {prime_above(15485863 + 1000 * number)} &\n"
-        f"    atom_type 1 density constant {body.mass.density:.9g} &\n"
-        f"    nspheres {nspheres} ntry {ntry} spheres file {spheres_file} scale {metres:.9g} &\n"
-        f"    mass {body.mass.mass:.9e} inertia_tensor {ixx} 0 0 {iyy} 0 {izz} use_volume type {number}\n"
-    )
-
-
-def prime_above(number: int) -> int:
-    """Return the smallest prime above a number: LIGGGHTS wants prime seeds."""
-    candidate = number + 1 + number % 2
-    while any(candidate % divisor == 0 for divisor in range(3, int(candidate**0.5) + 1, 2)):
-        candidate += 2
-    return candidate
+    return Written(files, details, shared)
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -92,6 +75,8 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     included = [line.split()[1] for line in read_lines(deck) if line.startswith("include ")]
     if included != [item["files"][1] for item in manifest["items"]]:
         raise ExportError(f"{deck} does not include the templates of the manifest, each once and in order.")
+    if "specimen" in manifest:
+        check_specimen_deck(folder, manifest)
 
 
 def read_spheres(path: Path) -> Float[np.ndarray, "n 4"]:
@@ -166,6 +151,7 @@ TARGET = Target(
         {
             "spheres": SPHERES,
             "poured": POURED,
+            "classes": Option(6, "sizes of each avatar that the deck of a specimen inserts", 1, 200),
             "ntry": Option(
                 200000, "Monte Carlo points of LIGGGHTS for the clump's volume and centre", 1000, 10**8
             ),

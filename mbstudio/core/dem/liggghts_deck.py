@@ -8,7 +8,7 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
-from mbstudio.core.dem.settling import GRAVITY, POISSON, settling_box
+from mbstudio.core.dem.settling import GRAVITY, POISSON, SettlingBox, settling_box
 
 DECK_NAME = "in.settle"
 
@@ -23,8 +23,37 @@ def settling_deck(
     overlaps little, which keeps the time step long; the step is 15 % of Rayleigh's for the
     smallest sphere.
     """
-    density = bodies[0].mass.density
     box = settling_box(bodies, clumps, poured)
+    title = f"{box.particles} particles of {len(bodies)} kinds settle in a box"
+    head, steps = opening(box, bodies[0].mass.density, title, DECK_NAME)
+    include = "\n".join(f"include {name}" for name in templates)
+    shares = " ".join(f"template{number} {1 / len(bodies):.9g}" for number in range(1, len(bodies) + 1))
+    return f"""{head}
+{include}
+fix kinds all particledistribution/discrete/numberbased 32452843 {len(bodies)} {shares}
+fix pour all insert/pack seed 49979687 distributiontemplate kinds maxattempt 1000 insert_every once &
+    overlapcheck yes orientation random all_in yes vel constant 0. 0. 0. region above &
+    particles_in_region {box.particles}
+{closing(steps)}"""
+
+
+def opening(box: SettlingBox, density: float, title: str, name: str) -> tuple[str, int]:
+    """Return the part of a deck that makes box, walls, contact law, gravity and the region of insertion.
+
+    Parameters
+    ----------
+    box : SettlingBox
+    density : float
+        In kg/m**3.
+    title, name : str
+        What the deck does, and its file.
+
+    Returns
+    -------
+    text : str
+    steps : int
+        Time steps until the particles have come to rest.
+    """
     young = max(5e6, 2000.0 * density * GRAVITY * box.top)
     shear = young / (2 * (1 + POISSON))
     rayleigh = np.pi * box.smallest * np.sqrt(density / shear) / (0.1631 * POISSON + 0.8766)
@@ -32,9 +61,7 @@ def settling_deck(
     steps = int(np.ceil(box.seconds / step / 1000) * 1000)
     half, low, top = box.half, box.low, box.top
     sides = f"{-half:.6e} {half:.6e} {-half:.6e} {half:.6e}"
-    include = "\n".join(f"include {name}" for name in templates)
-    shares = " ".join(f"template{number} {1 / len(bodies):.9g}" for number in range(1, len(bodies) + 1))
-    return f"""# {box.particles} particles of {len(bodies)} kinds settle in a box: liggghts -in {DECK_NAME}
+    text = f"""# {title}: liggghts -in {name}
 units si
 atom_style granular
 atom_modify map array
@@ -62,13 +89,14 @@ fix east all wall/gran model hertz tangential history primitive type 1 xplane {h
 fix south all wall/gran model hertz tangential history primitive type 1 yplane {-half:.6e}
 fix north all wall/gran model hertz tangential history primitive type 1 yplane {half:.6e}
 
-{include}
-fix kinds all particledistribution/discrete/numberbased 32452843 {len(bodies)} {shares}
 region above block {sides} {low:.6e} {top:.6e} units box
-fix pour all insert/pack seed 49979687 distributiontemplate kinds maxattempt 1000 insert_every once &
-    overlapcheck yes orientation random all_in yes vel constant 0. 0. 0. region above &
-    particles_in_region {box.particles}
-fix bodies all multisphere
+"""
+    return text, steps
+
+
+def closing(steps: int) -> str:
+    """Return the part of a deck that joins the spheres to bodies, runs, and prints the energy."""
+    return f"""fix bodies all multisphere
 
 compute energy all ke/multisphere
 compute bodies all multisphere property masstotal

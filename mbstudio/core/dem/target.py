@@ -9,10 +9,13 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.errors import ExportError
+
+if TYPE_CHECKING:
+    from mbstudio.core.dem.specimen import Specimen
 
 Progress = Callable[[float, str], None]
 
@@ -59,6 +62,8 @@ class Job:
         A value for every option of the target.
     progress : callable
         To be called with the fraction done; it raises to cancel.
+    specimen : Specimen or None
+        Particles that are to be poured, in `unit`.
     """
 
     bodies: Sequence[DemBody]
@@ -67,6 +72,7 @@ class Job:
     density: float | None
     options: Mapping[str, Any]
     progress: Progress
+    specimen: Specimen | None = None
 
 
 @dataclass(frozen=True)

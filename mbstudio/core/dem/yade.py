@@ -36,7 +36,7 @@ def make(kind, position, orientation):
     from yade import ymport
 
     ((clump, _),) = ymport.textClumps(
-        name, shift=Vector3(position), orientation=Quaternion(orientation), discretization=100,
+        name, shift=Vector3(position), orientation=Quaternion(*orientation), discretization=100,
         material="grain",
     )
     state = O.bodies[clump].state

@@ -31,7 +31,7 @@ def make(kind, position, orientation):
         grid=grid, distField=shape["grid"].astype(float).tolist(), nSurfNodes={nodes}, nodesPath=1,
         material="grain",
     )
-    body.state.pos, body.state.ori = Vector3(position), Quaternion(orientation)
+    body.state.pos, body.state.ori = Vector3(position), Quaternion(*orientation)
     body.state.mass, body.state.inertia = mass, Vector3(moments)
     return O.bodies.append(body)
 '''

@@ -11,7 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.dem import export, validate
-from mbstudio.core.dem.liggghts import prime_above, read_spheres
+from mbstudio.core.dem.liggghts import read_spheres
+from mbstudio.core.dem.liggghts_template import prime_above
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metrics import mass_properties
 

@@ -1,0 +1,99 @@
+"""The deck of a LIGGGHTS specimen: templates of a few sizes each, inserted in their exact numbers.
+
+LIGGGHTS places and turns particles itself; what a specimen gives it are sizes and numbers. Each kind of
+grain is scaled to a few sizes, and one insertion for each size, the largest first, puts in as many as the
+specimen has.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbstudio.core.dem.body import DemBody
+from mbstudio.core.dem.clump import Clump
+from mbstudio.core.dem.liggghts_deck import closing, opening
+from mbstudio.core.dem.liggghts_template import prime_above, template_command
+from mbstudio.core.dem.reading_back import read_lines
+from mbstudio.core.dem.settling import SettlingBox
+from mbstudio.core.dem.specimen import Specimen, in_classes
+from mbstudio.core.dem.target import Job
+from mbstudio.core.errors import ExportError
+from mbstudio.core.units import METRES_PER_UNIT
+
+DECK_NAME = "in.specimen"
+
+
+def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -> tuple[str, ...]:
+    """Write the deck in SI units; the specimen is in the unit of the export. Returns the files' names."""
+    metres = METRES_PER_UNIT[specimen.unit]
+    rounded = in_classes(specimen, int(job.options["classes"]))
+    groups = sorted(
+        {(float(scale), int(kind)) for kind, scale in zip(rounded.kinds, rounded.scales, strict=True)},
+        key=lambda group: -group[0] * float(specimen.reaches[group[1]]),
+    )
+    parts = []
+    for number, (scale, kind) in enumerate(groups, start=1):
+        many = int(np.count_nonzero((rounded.kinds == kind) & (rounded.scales == scale)))
+        body = job.bodies[kind]
+        template = template_command(
+            body,
+            f"{body.name}.multisphere",
+            len(clumps[kind].radii),
+            number,
+            int(job.options["ntry"]),
+            scale,
+        )
+        parts.append(template + _insertion(number, many))
+    box = _box(rounded, job.bodies, clumps, metres)
+    title = f"A specimen of {box.particles} particles settles in a box"
+    head, steps = opening(box, job.bodies[0].mass.density, title, DECK_NAME)
+    text = "\n".join([head, *parts, closing(steps)])
+    (job.folder / DECK_NAME).write_text(text, encoding="ascii")
+    return (DECK_NAME,)
+
+
+def _box(
+    specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence[Clump], metres: float
+) -> SettlingBox:
+    masses = np.array([body.mass.mass for body in bodies])[specimen.kinds] * specimen.scales**3
+    radii = np.array([clump.radii.min() for clump in clumps])[specimen.kinds] * specimen.scales * metres
+    reach = float((specimen.reaches[specimen.kinds] * specimen.scales).max()) * metres
+    return SettlingBox(
+        len(specimen.kinds),
+        reach,
+        float(radii.min()),
+        float(masses.max()),
+        float(masses.min()),
+        specimen.half * metres,
+        0.0,
+        specimen.top * metres + reach,
+    )
+
+
+def _insertion(number: int, many: int) -> str:
+    """Return distribution and insertion of one size."""
+    first, second = (prime_above(32452843 + 2000 * number + 1000 * i) for i in range(2))
+    return f"""fix kind{number} all particledistribution/discrete/numberbased {first} 1 template{number} 1.0
+fix pour{number} all insert/pack seed {second} distributiontemplate kind{number} maxattempt 1000 &
+    insert_every once overlapcheck yes orientation random all_in yes vel constant 0. 0. 0. &
+    region above particles_in_region {many}
+"""
+
+
+def check_specimen_deck(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Raise ExportError unless a deck inserts the particles of the manifest, with their mass."""
+    path = folder / DECK_NAME
+    text = " ".join(line.removesuffix("&").strip() for line in read_lines(path) if not line.startswith("#"))
+    masses = [float(word) for word in re.findall(r" mass (\S+) inertia_tensor", text)]
+    many = [int(word) for word in re.findall(r"particles_in_region (\d+)", text)]
+    said = manifest["specimen"]
+    if len(masses) != len(many) or sum(many) != said["count"]:
+        raise ExportError(f"{path} does not insert the particles that the manifest counts.")
+    wanted = manifest["density"] * said["solid_volume"] * METRES_PER_UNIT[manifest["unit"]] ** 3
+    if abs(sum(n * mass for n, mass in zip(many, masses, strict=True)) / wanted - 1) > 1e-6:
+        raise ExportError(f"{path} inserts another mass than the specimen's.")
