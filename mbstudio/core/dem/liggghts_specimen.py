@@ -36,7 +36,8 @@ def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -
         {(float(scale), int(kind)) for kind, scale in zip(rounded.kinds, rounded.scales, strict=True)},
         key=lambda group: -group[0] * float(specimen.reaches[group[1]]),
     )
-    parts = []
+    parts: list[str] = []
+    total = 0
     for number, (scale, kind) in enumerate(groups, start=1):
         many = int(np.count_nonzero((rounded.kinds == kind) & (rounded.scales == scale)))
         body = job.bodies[kind]
@@ -48,7 +49,8 @@ def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -
             int(job.options["ntry"]),
             scale,
         )
-        parts.append(template + _insertion(number, many))
+        total += many
+        parts.append(template + _insertion(number, total))
     box = _box(rounded, job.bodies, clumps, metres)
     title = f"A specimen of {box.particles} particles settles in a box"
     head, steps = opening(box, job.bodies[0].mass.density, title, DECK_NAME)
@@ -75,13 +77,17 @@ def _box(
     )
 
 
-def _insertion(number: int, many: int) -> str:
-    """Return distribution and insertion of one size."""
+def _insertion(number: int, total: int) -> str:
+    """Return distribution and insertion of one size.
+
+    LIGGGHTS fills the region up to a number and counts what is there already: `total` is this size and
+    all before.
+    """
     first, second = (prime_above(32452843 + 2000 * number + 1000 * i) for i in range(2))
     return f"""fix kind{number} all particledistribution/discrete/numberbased {first} 1 template{number} 1.0
 fix pour{number} all insert/pack seed {second} distributiontemplate kind{number} maxattempt 1000 &
     insert_every once overlapcheck yes orientation random all_in yes vel constant 0. 0. 0. &
-    region above particles_in_region {many}
+    region above particles_in_region {total}
 """
 
 
@@ -90,10 +96,11 @@ def check_specimen_deck(folder: Path, manifest: Mapping[str, Any]) -> None:
     path = folder / DECK_NAME
     text = " ".join(line.removesuffix("&").strip() for line in read_lines(path) if not line.startswith("#"))
     masses = [float(word) for word in re.findall(r" mass (\S+) inertia_tensor", text)]
-    many = [int(word) for word in re.findall(r"particles_in_region (\d+)", text)]
+    totals = [int(word) for word in re.findall(r"particles_in_region (\d+)", text)]
     said = manifest["specimen"]
-    if len(masses) != len(many) or sum(many) != said["count"]:
+    many = np.diff([0, *totals])
+    if len(masses) != len(many) or totals[-1:] != [said["count"]] or many.min() <= 0:
         raise ExportError(f"{path} does not insert the particles that the manifest counts.")
     wanted = manifest["density"] * said["solid_volume"] * METRES_PER_UNIT[manifest["unit"]] ** 3
-    if abs(sum(n * mass for n, mass in zip(many, masses, strict=True)) / wanted - 1) > 1e-6:
+    if abs(float(many @ np.array(masses)) / wanted - 1) > 1e-6:
         raise ExportError(f"{path} inserts another mass than the specimen's.")

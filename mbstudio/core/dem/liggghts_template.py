@@ -24,6 +24,7 @@ def template_command(
     scale : float
         Size over the body's: mass goes by its third power, inertia by its fifth.
     """
+    mass = body.mass.mass * scale**3
     metres = METRES_PER_UNIT[body.mass.unit]
     ixx, iyy, izz = (f"{moment:.9e}" for moment in body.mass.principal * metres**2 * scale**5)
     return (
@@ -31,7 +32,7 @@ def template_command(
         f"fix template{number} all particletemplate/multisphere {prime_above(15485863 + 1000 * number)} &\n"
         f"    atom_type 1 density constant {body.mass.density:.9g} &\n"
         f"    nspheres {nspheres} ntry {ntry} spheres file {spheres_file} scale {metres * scale:.9g} &\n"
-        f"    mass {body.mass.mass * scale**3:.9e} inertia_tensor {ixx} 0 0 {iyy} 0 {izz} use_volume type {number}\n"
+        f"    mass {mass:.9e} inertia_tensor {ixx} 0 0 {iyy} 0 {izz} use_volume type {number}\n"
     )
 
 

@@ -135,8 +135,8 @@ def target_curve(
         )
     if y[0] != 0 or y[-1] != 100:
         raise ExportError(
-            f"The distribution goes from {y[0]:g} to {y[-1]:g} % finer: begin with the size that nothing passes "
-            "(0) and end with the one that everything passes (100)."
+            f"The distribution goes from {y[0]:g} to {y[-1]:g} % finer: begin with the size that "
+            "nothing passes (0) and end with the one that everything passes (100)."
         )
     return SizeDistribution(x, y, parse_unit(unit), sieves)
 

@@ -299,7 +299,7 @@ def test_corrupted_bodies_of_a_specimen_are_refused(kind, for_lammps):
     ("change", "message"),
     [
         (lambda t: re.sub(r"particles_in_region \d+", "particles_in_region 99", t, count=1), "counts"),
-        (lambda t: re.sub(r"mass \S+", "mass 1", t, count=1), "another mass"),
+        (lambda t: re.sub(r"mass \S+ inertia", "mass 1 inertia", t, count=1), "another mass"),
     ],
 )
 def test_a_corrupted_deck_of_a_specimen_is_refused(change, message, for_liggghts):
