@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-_TRIES = 60
+_TRIES = 8
+_ROUNDS = 12
 _GROWTH = 1.1
 
 
@@ -75,17 +76,31 @@ def scattered(
     height = max(height, 2.2 * float(radii.max()))
     order = np.argsort(-radii, kind="stable")
     centers = np.empty((len(radii), 3))
-    placed = np.empty((0, 4))
-    for index in order:
+    placed = np.empty((len(radii), 4))
+    for count, index in enumerate(order):
         radius = radii[index]
-        while True:
+        place = None
+        while place is None:
             room = np.array([half, half, height / 2]) - radius
-            tries = rng.uniform(-1, 1, (_TRIES, 3)) * room + [0, 0, low + height / 2]
-            gaps = np.linalg.norm(tries[:, None] - placed[None, :, :3], axis=2) - placed[None, :, 3]
-            free = np.flatnonzero((gaps > radius).all(axis=1))
-            if len(free):
-                break
-            height *= _GROWTH
-        centers[index] = tries[free[0]]
-        placed = np.vstack([placed, [*centers[index], radius]])
+            place = _free_place(room, low + height / 2, radius, placed[:count], rng)
+            height *= _GROWTH if place is None else 1.0
+        centers[index] = place
+        placed[count] = *place, radius
     return centers, low + height
+
+
+def _free_place(
+    room: Float[np.ndarray, " 3"],
+    middle: float,
+    radius: float,
+    placed: Float[np.ndarray, "m 4"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, " 3"] | None:
+    """Return a random place that touches none of the spheres placed (x, y, z, r); None if none is found."""
+    for _ in range(_ROUNDS):
+        tries = rng.uniform(-1, 1, (_TRIES, 3)) * room + [0.0, 0.0, middle]
+        squares = sum((tries[:, axis, None] - placed[None, :, axis]) ** 2 for axis in range(3))
+        free = np.flatnonzero((squares > (placed[None, :, 3] + radius) ** 2).all(axis=1))
+        if len(free):
+            return tries[free[0]]
+    return None

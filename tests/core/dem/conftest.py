@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
+from mbstudio.core.dem import clump_files
+from mbstudio.core.dem.clump import Clump, sphere_clump
 from mbstudio.core.dem.engines import VARIABLE, find_engine
 from mbstudio.core.metaball import Avatar
 
@@ -34,6 +38,22 @@ def ring() -> Avatar:
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     centers = 3 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     return Avatar(centers, np.full(12, 0.35), "mm", name="ring")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _clumps_are_fitted_once() -> Iterator[None]:
+    """Nine targets are tested on the same few avatars: the same clump is not fitted anew for each."""
+    known: dict[tuple, Clump] = {}
+
+    def fitted(avatar: Avatar, spheres: int = 40, *, seed: int = 0) -> Clump:
+        key = (avatar.centers.tobytes(), avatar.weights.tobytes(), avatar.unit, spheres, seed)
+        if key not in known:
+            known[key] = sphere_clump(avatar, spheres, seed=seed)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(clump_files, "sphere_clump", fitted)
+        yield
 
 
 def engine_or_skip(name: str) -> list[str]:

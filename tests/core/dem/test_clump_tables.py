@@ -89,8 +89,8 @@ def test_yade_gets_five_columns_and_a_script_with_our_mass(exported, mass):
     assert np.array(moments) / mass.principal == pytest.approx(1, rel=1e-9)
 
 
-def run_yade(yade: str, folder: Path) -> np.ndarray:
-    """Run the script of an export and return how many are inside and their energy, each time it told."""
+def run_yade(yade: str, folder: Path, word: str = "SETTLING") -> np.ndarray:
+    """Run the script of an export and return the numbers it printed after a word."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     environment.pop("PYTHONPATH", None)
     command = [yade, "-n", "-x", "settle.py"]
@@ -98,12 +98,37 @@ def run_yade(yade: str, folder: Path) -> np.ndarray:
         command, cwd=folder, capture_output=True, text=True, timeout=280, check=False, env=environment
     )
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    rows = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("SETTLING")]
+    rows = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith(word)]
     return np.array(rows, dtype=float)
 
 
 @pytest.mark.parametrize(
-    ("target", "options"), [("yade", {"spheres": 8}), ("yade-level-set", {"cells": 16, "shell": 8})]
+    ("target", "options", "state", "allowed"),
+    [("yade", {"spheres": 40}, "state", 0.003), ("yade-level-set", {"shell": 8}, "body.state", 0.01)],
+)
+def test_what_yade_finds_by_itself_is_close_to_what_the_script_sets(
+    target, options, state, allowed, avatars, yade, tmp_path
+):
+    """The engine weighs clumps on a grid and level sets by their own: near ours, or the shape is not ours."""
+    out = tmp_path / "out"
+    export(avatars, target, out, density=2650, poured=3, **options)
+    script = (out / "settle.py").read_text().partition("O.engines")[0]
+    tell = f'    print("OWN", {state}.mass / mass, *sorted({state}.inertia), *moments)\n'
+    told = re.sub(rf"(?m)^    {re.escape(state)}\.mass, .*$", lambda m: tell + m[0], script)
+    assert told != script
+    (out / "settle.py").write_text(told)
+    rows = run_yade(yade, out, "OWN")
+    assert len(rows) == 3
+    assert rows[:, 0] == pytest.approx(1, rel=allowed)
+    assert rows[:, 1:4] / rows[:, 4:] == pytest.approx(1, rel=2 * allowed)
+
+
+@pytest.mark.parametrize(
+    ("target", "options"),
+    [
+        ("yade", {"spheres": 8}),
+        pytest.param("yade-level-set", {"cells": 16, "shell": 8}, marks=pytest.mark.full),
+    ],
 )
 def test_ten_grains_settle_in_yade(target, options, avatars, yade, tmp_path):
     out = tmp_path / "out"
