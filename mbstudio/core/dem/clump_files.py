@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -48,6 +48,11 @@ def describe_clump(clump: Clump, body: DemBody) -> dict[str, Any]:
         "hausdorff": clump.hausdorff,
         "hausdorff_over_nominal_diameter": clump.hausdorff / diameter,
     }
+
+
+def describe_clumps(clumps: Sequence[Clump], bodies: Sequence[DemBody]) -> list[dict[str, Any]]:
+    """Return what the manifest says about each clump."""
+    return [describe_clump(clump, body) for clump, body in zip(clumps, bodies, strict=True)]
 
 
 def write_sphere_table(path: Path, clump: Clump, header: str = "") -> None:

@@ -50,7 +50,7 @@ def write(job: Job) -> Written:
         if astray > 0:
             warnings.append(
                 f"'{body.name}': ComFluSoM's search from the mean control point goes astray in "
-                f"{100 * astray:.3g} % of the directions; it would abort or mesh it wrongly."
+                f"{100 * astray:.3g} % of the directions; it would abort."
             )
         details.append(
             {

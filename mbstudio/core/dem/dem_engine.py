@@ -15,7 +15,7 @@ from typing import Any
 from mbstudio.core.dem.clump_files import (
     OPTIONS,
     check_sphere_table,
-    describe_clump,
+    describe_clumps,
     fitted_clumps,
     write_sphere_table,
 )
@@ -57,7 +57,7 @@ def write(job: Job) -> Written:
     text = json.dumps(entries, indent=1, allow_nan=False)
     (job.folder / _TABLE).write_text(text + "\n", encoding="ascii")
     (job.folder / _LOADER).write_text(_SCRIPT, encoding="ascii")
-    details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
+    details = describe_clumps(clumps, job.bodies)
     return Written([(f"{body.name}.csv",) for body in job.bodies], details, (_TABLE, _LOADER))
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from mbstudio.core.dem.clump_files import (
     OPTIONS,
     check_sphere_table,
-    describe_clump,
+    describe_clumps,
     fitted_clumps,
     write_sphere_table,
 )
@@ -27,7 +27,7 @@ def write(job: Job) -> Written:
     clumps = fitted_clumps(job)
     for body, clump in zip(job.bodies, clumps, strict=True):
         write_sphere_table(job.folder / f"{body.name}.csv", clump, _HEADER)
-    details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
+    details = describe_clumps(clumps, job.bodies)
     return Written([(f"{body.name}.csv",) for body in job.bodies], details)
 
 

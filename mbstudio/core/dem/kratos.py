@@ -20,7 +20,7 @@ from mbstudio.core.dem.clump_files import (
     POURED,
     SPHERES,
     check_spheres,
-    describe_clump,
+    describe_clumps,
     fitted_clumps,
 )
 from mbstudio.core.dem.kratos_case import CASE_FILES, MATERIALS_NAME, write_case
@@ -39,7 +39,7 @@ def write(job: Job) -> Written:
     for body, clump in zip(job.bodies, clumps, strict=True):
         (job.folder / f"{body.name}.clu").write_text(cluster_text(body, clump), encoding="ascii")
     write_case(job.folder, job.bodies, clumps, int(job.options["poured"]))
-    details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
+    details = describe_clumps(clumps, job.bodies)
     return Written([(f"{body.name}.clu",) for body in job.bodies], details, CASE_FILES)
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
-from mbstudio.core.dem.placing import lattice, random_quaternions
-from mbstudio.core.dem.settling import GRAVITY, POISSON
+from mbstudio.core.dem.settling import GRAVITY, POISSON, Stack, stacked_grains
 
 MATERIALS_NAME = "MaterialsDEM.json"
 PARAMETERS_NAME = "ProjectParametersDEM.json"
@@ -59,20 +58,16 @@ if __name__ == "__main__":
 
 def write_case(folder: Path, bodies: Sequence[DemBody], clumps: Sequence[Clump], poured: int) -> None:
     """Write a case in SI units that runs as it is, from within its folder (Kratos 10)."""
-    particles = max(poured, len(bodies))
     sizes = [2 * float((np.linalg.norm(c.centers, axis=1) + c.radii).max()) for c in clumps]
-    reach = max(sizes) / 2
-    half = 2.4 * reach * max(1.0, particles / 10) ** (1 / 3)
-    places = lattice(particles, half, 1.1 * reach, reach)
-    top = float(places[:, 2].max()) + reach
-    materials, step = _materials(bodies, clumps, top)
-    seconds = 4.0 * float(np.sqrt(2 * top / GRAVITY))
-    parameters = _parameters(half, top, step, seconds)
+    stack = stacked_grains(poured, len(bodies), max(sizes) / 2)
+    materials, step = _materials(bodies, clumps, stack.top)
+    seconds = 4.0 * float(np.sqrt(2 * stack.top / GRAVITY))
+    parameters = _parameters(stack.half, stack.top, step, seconds)
     for name, content in ((MATERIALS_NAME, materials), (PARAMETERS_NAME, parameters)):
         (folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="ascii")
     (folder / SCRIPT_NAME).write_text(_SCRIPT, encoding="ascii")
-    (folder / CASE_FILES[3]).write_text(_clusters(places, sizes), encoding="ascii")
-    (folder / CASE_FILES[4]).write_text(_box(half, top), encoding="ascii")
+    (folder / CASE_FILES[3]).write_text(_clusters(stack, sizes), encoding="ascii")
+    (folder / CASE_FILES[4]).write_text(_box(stack.half, stack.top), encoding="ascii")
 
 
 def _materials(
@@ -164,12 +159,12 @@ def _parameters(half: float, top: float, step: float, seconds: float) -> dict[st
     }
 
 
-def _clusters(places: np.ndarray, sizes: Sequence[float]) -> str:
+def _clusters(stack: Stack, sizes: Sequence[float]) -> str:
     """Return the clusters' mdpa: the kinds in turn, turned at random, quaternions as (x, y, z, w)."""
-    numbers = range(1, len(places) + 1)
+    numbers = range(1, len(stack.places) + 1)
     kinds = [(number - 1) % len(sizes) for number in numbers]
-    turns = random_quaternions(len(places), np.random.default_rng(0))[:, [1, 2, 3, 0]]
-    nodes = [f"{n} {x:.9e} {y:.9e} {z:.9e}" for n, (x, y, z) in zip(numbers, places, strict=True)]
+    turns = stack.quaternions[:, [1, 2, 3, 0]]
+    nodes = [f"{n} {x:.9e} {y:.9e} {z:.9e}" for n, (x, y, z) in zip(numbers, stack.places, strict=True)]
     elements = [f"{n} {kind + 1} {n}" for n, kind in zip(numbers, kinds, strict=True)]
     lengths = [f"{n} 0 {sizes[kind]:.12e}" for n, kind in zip(numbers, kinds, strict=True)]
     turned = [

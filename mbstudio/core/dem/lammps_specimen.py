@@ -19,7 +19,7 @@ from mbstudio.core.dem.lammps_deck import closing, opening
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.placing import rotations_of
 from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text
-from mbstudio.core.dem.settling import SettlingBox, spring_contact
+from mbstudio.core.dem.settling import specimen_box, spring_contact
 from mbstudio.core.dem.specimen import Specimen
 from mbstudio.core.errors import ExportError
 
@@ -67,22 +67,6 @@ def _data_text(atoms: Sequence[tuple[float, ...]]) -> str:
     return (
         f"# spheres of a specimen, SI units\n\n{len(atoms)} atoms\n1 atom types\n\n{bounds}\n\n"
         "Atoms # sphere\n\n" + "\n".join(lines) + "\n\nMolecules\n\n" + "\n".join(molecules) + "\n"
-    )
-
-
-def specimen_box(specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence[Clump]) -> SettlingBox:
-    """Return the box of a specimen in metres; the specimen and clumps are in metres too."""
-    masses = np.array([body.mass.mass for body in bodies])[specimen.kinds] * specimen.scales**3
-    smallest = np.array([clump.radii.min() for clump in clumps])[specimen.kinds] * specimen.scales
-    return SettlingBox(
-        len(specimen.kinds),
-        float((specimen.reaches[specimen.kinds] * specimen.scales).max()),
-        float(smallest.min()),
-        float(masses.max()),
-        float(masses.min()),
-        specimen.half,
-        0.0,
-        specimen.top,
     )
 
 

@@ -23,7 +23,7 @@ from mbstudio.core.dem.clump_files import (
     POURED,
     SPHERES,
     check_spheres,
-    describe_clump,
+    describe_clumps,
     fitted_clumps,
     sphere_rows,
 )
@@ -53,7 +53,7 @@ def write(job: Job) -> Written:
     shared: tuple[str, ...] = (DECK_NAME,)
     if job.specimen is not None:
         shared += write_specimen_deck(job, job.specimen, clumps)
-    details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
+    details = describe_clumps(clumps, job.bodies)
     return Written(files, details, shared)
 
 

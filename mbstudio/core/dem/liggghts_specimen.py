@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
 from mbstudio.core.dem.liggghts_deck import closing, opening
 from mbstudio.core.dem.liggghts_template import prime_above, template_command
 from mbstudio.core.dem.reading_back import read_lines
-from mbstudio.core.dem.settling import SettlingBox
+from mbstudio.core.dem.settling import specimen_box
 from mbstudio.core.dem.specimen import Specimen, in_classes
 from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
@@ -30,7 +29,6 @@ DECK_NAME = "in.specimen"
 
 def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -> tuple[str, ...]:
     """Write the deck in SI units; the specimen is in the unit of the export. Returns the files' names."""
-    metres = METRES_PER_UNIT[specimen.unit]
     rounded = in_classes(specimen, int(job.options["classes"]))
     groups = sorted(
         {(float(scale), int(kind)) for kind, scale in zip(rounded.kinds, rounded.scales, strict=True)},
@@ -51,30 +49,12 @@ def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -
         )
         total += many
         parts.append(template + _insertion(number, total))
-    box = _box(rounded, job.bodies, clumps, metres)
+    box = specimen_box(rounded, job.bodies, clumps)
     title = f"A specimen of {box.particles} particles settles in a box"
     head, steps = opening(box, job.bodies[0].mass.density, title, DECK_NAME)
     text = "\n".join([head, *parts, closing(steps)])
     (job.folder / DECK_NAME).write_text(text, encoding="ascii")
     return (DECK_NAME,)
-
-
-def _box(
-    specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence[Clump], metres: float
-) -> SettlingBox:
-    masses = np.array([body.mass.mass for body in bodies])[specimen.kinds] * specimen.scales**3
-    radii = np.array([clump.radii.min() for clump in clumps])[specimen.kinds] * specimen.scales * metres
-    reach = float((specimen.reaches[specimen.kinds] * specimen.scales).max()) * metres
-    return SettlingBox(
-        len(specimen.kinds),
-        reach,
-        float(radii.min()),
-        float(masses.max()),
-        float(masses.min()),
-        specimen.half * metres,
-        0.0,
-        specimen.top * metres + reach,
-    )
 
 
 def _insertion(number: int, total: int) -> str:

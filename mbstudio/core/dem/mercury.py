@@ -17,7 +17,7 @@ from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump_files import (
     OPTIONS,
     check_sphere_table,
-    describe_clump,
+    describe_clumps,
     fitted_clumps,
     write_sphere_table,
 )
@@ -33,7 +33,7 @@ def write(job: Job) -> Written:
     files = [_write_folder(job.folder, body) for body in job.bodies]
     for body_files, clump in zip(files, clumps, strict=True):
         write_sphere_table(job.folder / body_files[0], clump)
-    details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
+    details = describe_clumps(clumps, job.bodies)
     return Written(files, details)
 
 

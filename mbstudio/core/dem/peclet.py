@@ -15,9 +15,8 @@ import numpy as np
 
 from mbstudio.core.dem.clump_files import POURED
 from mbstudio.core.dem.level_set_files import OPTIONS, check_level_set_file, write_level_sets
-from mbstudio.core.dem.placing import lattice, random_quaternions
 from mbstudio.core.dem.reading_back import read_text
-from mbstudio.core.dem.settling import GRAVITY
+from mbstudio.core.dem.settling import GRAVITY, stacked_grains
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
 from mbstudio.core.units import METRES_PER_UNIT
@@ -106,28 +105,25 @@ def write(job: Job) -> Written:
 
 
 def _script(job: Job, written: Written, reach: float) -> str:
-    particles = max(int(job.options["poured"]), len(job.bodies))
-    half = 2.4 * reach * max(1.0, particles / 10) ** (1 / 3)
-    places = lattice(particles, half, 1.1 * reach, reach)
-    top = float(places[:, 2].max()) + reach
+    stack = stacked_grains(int(job.options["poured"]), len(job.bodies), reach)
+    top = stack.top
     gravity = GRAVITY / METRES_PER_UNIT[job.unit]
     speed = float(np.sqrt(2 * gravity * top))
     spacing = min(details["spacing"] for details in written.item_details)
     # No grain may fall further than half a grid cell in one step.
     step = float(f"{0.5 * spacing / speed:.3g}")
     steps = int(np.ceil(4 * np.sqrt(2 * top / gravity) / step / 20) * 20)
-    turns = random_quaternions(particles, np.random.default_rng(0))
     return _SCRIPT.format(
         files=repr([files[0] for files in written.item_files]),
         unit=job.unit,
-        half=half,
+        half=stack.half,
         top=top,
         speed=speed,
         gravity=gravity,
         step=step,
         steps=steps,
-        positions=np.array2string(places, precision=9, separator=", ", threshold=10**9),
-        quaternions=np.array2string(turns, precision=9, separator=", ", threshold=10**9),
+        positions=np.array2string(stack.places, precision=9, separator=", ", threshold=10**9),
+        quaternions=np.array2string(stack.quaternions, precision=9, separator=", ", threshold=10**9),
     )
 
 

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
+from mbstudio.core.dem.placing import lattice, random_quaternions
+from mbstudio.core.dem.specimen import Specimen
 from mbstudio.core.units import METRES_PER_UNIT
 
 GRAVITY = 9.81
@@ -69,6 +72,62 @@ def settling_box(bodies: Sequence[DemBody], clumps: Sequence[Clump], poured: int
         low,
         low + layer + 2 * reach,
     )
+
+
+def specimen_box(specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence[Clump]) -> SettlingBox:
+    """Return the box of a specimen, which it is placed in from the floor up."""
+    metres = METRES_PER_UNIT[specimen.unit]
+    masses = np.array([body.mass.mass for body in bodies])[specimen.kinds] * specimen.scales**3
+    radii = np.array([clump.radii.min() for clump in clumps])[specimen.kinds] * specimen.scales
+    reach = float((specimen.reaches[specimen.kinds] * specimen.scales).max()) * metres
+    return SettlingBox(
+        len(specimen.kinds),
+        reach,
+        float(radii.min()) * metres,
+        float(masses.max()),
+        float(masses.min()),
+        specimen.half * metres,
+        0.0,
+        specimen.top * metres + reach,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Grains above each other in a narrow box, for engines that are told every place.
+
+    Attributes
+    ----------
+    places : float array, shape (particles, 3)
+        Centres of mass, in the unit of the reach.
+    quaternions : float array, shape (particles, 4)
+        Orientations (w, x, y, z).
+    half : float
+        Half the width of the box, around the z axis.
+    top : float
+        Height that the grains reach.
+    """
+
+    places: Float[np.ndarray, "particles 3"]
+    quaternions: Float[np.ndarray, "particles 4"]
+    half: float
+    top: float
+
+
+def stacked_grains(poured: int, kinds: int, reach: float) -> Stack:
+    """Return places and random orientations for some grains, at least one of each kind.
+
+    Parameters
+    ----------
+    poured, kinds : int
+    reach : float
+        Radius of the largest bounding sphere.
+    """
+    particles = max(poured, kinds)
+    half = 2.4 * reach * max(1.0, particles / 10) ** (1 / 3)
+    places = lattice(particles, half, 1.1 * reach, reach)
+    turns = random_quaternions(particles, np.random.default_rng(0))
+    return Stack(places, turns, half, float(places[:, 2].max()) + reach)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from mbstudio.core.dem.clump_files import (
     POURED,
     SPHERES,
     check_spheres,
-    describe_clump,
+    describe_clumps,
     fitted_clumps,
     sphere_rows,
 )
@@ -68,7 +68,7 @@ def write(job: Job) -> Written:
         density=float(job.density or 0.0),
     )
     (job.folder / SCRIPT_NAME).write_text(script, encoding="ascii")
-    details = [describe_clump(clump, body) for clump, body in zip(clumps, job.bodies, strict=True)]
+    details = describe_clumps(clumps, job.bodies)
     return Written([(name,) for name in names], details, (SCRIPT_NAME,))
 
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.placing import lattice, random_quaternions
 from mbstudio.core.dem.reading_back import read_text
-from mbstudio.core.dem.settling import GRAVITY, POISSON
+from mbstudio.core.dem.settling import GRAVITY, POISSON, stacked_grains
 from mbstudio.core.errors import ExportError
 
 SCRIPT_NAME = "settle.py"
@@ -90,27 +89,24 @@ def settling_script(
     density : float
         In kg/m**3.
     """
-    particles = max(poured, len(kinds))
-    half = 2.4 * reach * max(1.0, particles / 10) ** (1 / 3)
-    places = lattice(particles, half, 1.1 * reach, reach)
-    top = float(places[:, 2].max()) + reach
+    stack = stacked_grains(poured, len(kinds), reach)
+    top = stack.top
     heaviest, lightest = (pick(mass for _, mass, _ in kinds) for pick in (max, min))
     # Yade's normal stiffness of two equal spheres is young * radius.
     stiffness = heaviest * 2 * GRAVITY * top / (0.1 * smallest) ** 2
     step = float(f"{np.pi / np.sqrt(2 * stiffness / lightest) / 40:.3g}")
     steps = int(np.ceil(4 * np.sqrt(2 * top / GRAVITY) / step / 20) * 20)
-    turns = random_quaternions(particles, np.random.default_rng(0))
     name = "LevelSet" if level_set else "Sphere"
     geometry = [f"Ig2_{name}_{name}_ScGeom()", f"Ig2_Wall_{name}_ScGeom()"]
     return _SCRIPT.format(
         kinds=repr(list(kinds)),
-        half=half,
+        half=stack.half,
         top=top,
         young=stiffness / smallest,
         step=step,
         steps=steps,
-        positions=repr([tuple(round(float(value), 12) for value in row) for row in places]),
-        quaternions=repr([tuple(round(float(value), 9) for value in row) for row in turns]),
+        positions=repr([tuple(round(float(value), 12) for value in row) for row in stack.places]),
+        quaternions=repr([tuple(round(float(value), 9) for value in row) for row in stack.quaternions]),
         poisson=POISSON,
         density=density,
         loader=loader.strip(),
