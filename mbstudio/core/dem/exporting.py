@@ -182,9 +182,14 @@ def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
     for name in manifest["files"]:
         if not (folder / name).is_file():
             raise ExportError(f"{folder / name} is missing: export again.")
-    chosen.validate(folder, manifest)
-    if "specimen" in manifest:
-        check_specimen(folder, manifest)
+    try:
+        chosen.validate(folder, manifest)
+        if "specimen" in manifest:
+            check_specimen(folder, manifest)
+    except (KeyError, TypeError) as error:
+        raise ExportError(
+            f"{folder / FILE_NAME} lacks {error} or holds something else there: export again."
+        ) from error
     if digests:
         check_digests(folder, manifest)
     return manifest

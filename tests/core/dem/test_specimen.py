@@ -19,6 +19,7 @@ from mbstudio.core.populations.sieving import SizeDistribution
 from tests.core.dem.corruption import assert_refused
 from tests.core.dem.test_lammps import run_deck as run_lammps
 from tests.core.dem.test_lammps import table_of, thermo_rows
+from tests.core.dem.test_liggghts import logged_templates
 from tests.core.dem.test_liggghts import run_deck as run_liggghts
 
 CURVE = target_curve([0.5, 1.0, 2.0, 3.0], [0, 30, 80, 100], "mm")
@@ -234,6 +235,16 @@ def test_liggghts_settles_the_specimen_in_its_numbers(liggghts, for_liggghts):
     log = run_liggghts(liggghts, for_liggghts, "in.specimen")
     inserted = [int(number) for number in re.findall(r"inserted (\d+) particle templates", log)]
     assert sum(inserted) == 24
+    items = validate(for_liggghts)["items"]
+    deck = (for_liggghts / "in.specimen").read_text()
+    files = re.findall(r"spheres file (\S+)\.multisphere scale (\S+)", deck)
+    templates = logged_templates(log)
+    assert len(files) == len(templates) == 9
+    for (name, scale), (mass, moments) in zip(files, templates, strict=True):
+        (item,) = (item for item in items if item["name"] == name)
+        factor = float(scale) / 1e-3  # the spheres are in mm
+        assert mass / (item["mass"] * factor**3) == pytest.approx(1, rel=1e-4)
+        assert moments / (np.array(item["moments"]) * factor**5) == pytest.approx(1, rel=1e-4)
     number = r"[-+0-9.eE]+"
     rows = [line.split() for line in log.splitlines() if re.fullmatch(rf"\s+\d+\s+\d+\s+{number}\s*", line)]
     energy = np.array([float(row[2]) for row in rows])
@@ -304,6 +315,17 @@ def test_corrupted_bodies_of_a_specimen_are_refused(kind, for_lammps):
 )
 def test_a_corrupted_deck_of_a_specimen_is_refused(change, message, for_liggghts):
     assert_refused(for_liggghts, "in.specimen", change, message)
+
+
+def test_a_manifest_that_lacks_the_specimens_numbers_is_refused(for_lammps):
+    path = for_lammps / "manifest.json"
+    text = path.read_text()
+    try:
+        path.write_text(text.replace('"solid_volume"', '"volume_of_solids"'))
+        with pytest.raises(ExportError, match="lacks 'solid_volume'"):
+            validate(for_lammps, digests=False)
+    finally:
+        path.write_text(text)
 
 
 def test_any_target_gets_the_table(avatars, tmp_path):
