@@ -94,6 +94,7 @@ TEST_NEEDS = (
     Need("xvfb-run", "xvfb", optional=True),
     Need("xauth", "xauth", optional=True),
     Need("liggghts", "liggghts", optional=True),
+    Need("lmp", "lammps", optional=True),
 )
 
 

@@ -259,7 +259,7 @@ def test_egl_does_where_osmesa_is_gone(run):
 
 
 def test_test_engines_are_never_demanded(run):
-    assert {need.name for need in run.TEST_NEEDS} >= {"xvfb-run", "liggghts"}
+    assert {need.name for need in run.TEST_NEEDS} >= {"xvfb-run", "liggghts", "lmp"}
     assert not any(run.is_needed(need, only()) for need in run.TEST_NEEDS)
 
 

@@ -7,7 +7,6 @@ import importlib.util
 import json
 import os
 import platform
-import shutil
 import subprocess
 import sys
 from typing import Any
@@ -19,17 +18,6 @@ PACKAGES = (
     "numpy", "scipy", "scikit-image", "numba", "h5py", "trimesh", "manifold3d", "pyvista", "vtk",
     "PySide6-Essentials", "pyvistaqt", "torch",
 )  # fmt: skip
-PROGRAMS = {
-    "LIGGGHTS": ("liggghts", "lmp_auto"),
-    "LAMMPS": ("lmp", "lmp_serial", "lmp_mpi"),
-    "Yade": ("yade",),
-}
-MODULES = {
-    "Kratos": "KratosMultiphysics",
-    "LAMMPS (Python)": "lammps",
-    "peclet-dem": "peclet",
-    "Chrono": "pychrono",
-}
 SECONDS_FOR_OPENGL = 60
 
 # Run on its own: a broken OpenGL ends the process that tries it.
@@ -139,9 +127,14 @@ def torch_device() -> str:
 
 def find_engines() -> dict[str, str | None]:
     """Return where each optional DEM engine is, None where it is not."""
-    engines: dict[str, str | None] = {}
-    for name, programs in PROGRAMS.items():
-        engines[name] = next((found for program in programs if (found := shutil.which(program))), None)
-    for name, module in MODULES.items():
-        engines[name] = f"Python module {module}" if importlib.util.find_spec(module) else None
-    return engines
+    from mbstudio.core.dem import engines
+
+    found: dict[str, str | None] = {}
+    for name in engines.engine_names():
+        command = engines.find_engine(name)
+        module = engines.MODULES.get(name)
+        if command is None:
+            found[name] = None
+        else:
+            found[name] = f"Python module {module} of {command[0]}" if module else command[0]
+    return found

@@ -11,14 +11,29 @@ from mbstudio.cli import console, inputs
 from mbstudio.core.errors import ExportError
 
 if TYPE_CHECKING:
+    from mbstudio.core.dem import SpecimenPlan
     from mbstudio.core.metaball import Avatar
+    from mbstudio.core.populations.sieving import SizeDistribution
     from mbstudio.core.project import Project
+
+
+def _tell_targets(wanted: bool) -> None:
+    """Print every target with its options and end, if that is wanted."""
+    if not wanted:
+        return
+    from mbstudio.core.dem import targets
+
+    for name, target in targets().items():
+        print(f"{name}: {target.title}{', needs --density' if target.needs_density else ''}")
+        for option, meaning in target.options.items():
+            print(f"    {option}={meaning.default}  {meaning.meaning}")
+    raise typer.Exit
 
 
 def export(
     source: Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with avatars.")],
     target: Annotated[
-        str, typer.Option("--to", metavar="TARGET", help="stl, obj, ply, metaball or liggghts.")
+        str, typer.Option("--to", metavar="TARGET", help="A kind of DEM file; --targets lists them.")
     ],
     folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")],
     density: Annotated[float | None, typer.Option("--density", help="Of the grains, in kg/m3.")] = None,
@@ -34,6 +49,32 @@ def export(
         list[str] | None,
         typer.Option("--option", metavar="NAME=VALUE", help="A further option of the target."),
     ] = None,
+    specimen: Annotated[
+        int | None,
+        typer.Option("--specimen", metavar="N", help="Also place N particles of a size distribution."),
+    ] = None,
+    curve: Annotated[
+        str | None,
+        typer.Option(
+            "--curve",
+            metavar="SIZE:FINER,...",
+            help="Its sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or end with a unit).",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the specimen.")] = 0,
+    share: Annotated[
+        list[str] | None,
+        typer.Option("--share", metavar="NAME=SHARE", help="How often the specimen takes an avatar."),
+    ] = None,
+    box_width: Annotated[
+        float | None, typer.Option("--box-width", help="Of the specimen's box, in the unit of the curve.")
+    ] = None,
+    _targets: Annotated[
+        bool,
+        typer.Option(
+            "--targets", is_eager=True, callback=_tell_targets, help="Tell all targets with their options."
+        ),
+    ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write into a folder that holds other files too.")
     ] = False,
@@ -44,6 +85,7 @@ def export(
     from mbstudio.core.project import Project
 
     options = _options(option or [])
+    plan = _plan(specimen, curve, seed, share or [], box_width)
     if spheres is not None:
         options["spheres"] = spheres
     project = Project.open(source)
@@ -57,6 +99,7 @@ def export(
             unit=unit,
             overwrite=overwrite,
             progress=report,
+            specimen=plan,
             **options,
         )
     result = {
@@ -65,11 +108,15 @@ def export(
         "avatars": len(avatars),
         "left_out": len(project.avatars) - len(avatars),
         "files": [str(path) for path in done.files],
+        "warnings": list(done.warnings),
     }
+    for warning in done.warnings:
+        console.tell(f"Warning: {warning}")
     if as_json:
         console.print_json(result)
     else:
-        console.print_facts("Exported", {**result, "files": len(done.files)})
+        facts = {**result, "files": len(done.files), "warnings": len(done.warnings)}
+        console.print_facts("Exported", facts)
 
 
 def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
@@ -101,6 +148,47 @@ def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
             f"Grain {missing[0]} of {source} has no avatar: fit it first, or leave it out of --select."
         )
     return [project.fits[label].avatar for label in labels]
+
+
+def _plan(
+    count: int | None, curve: str | None, seed: int, shares: list[str], width: float | None
+) -> SpecimenPlan | None:
+    """Return the specimen that was asked for.
+
+    Raises
+    ------
+    ExportError
+        If a part of it is missing or cannot be read.
+    """
+    from mbstudio.core.dem import SpecimenPlan
+
+    if count is None:
+        if curve or shares or width is not None:
+            raise ExportError("--curve, --share and --box-width belong to a specimen: give --specimen N too.")
+        return None
+    if curve is None:
+        raise ExportError("A specimen needs its size distribution: give --curve 0.1:0,0.3:40,0.8:100 (mm).")
+    numbers = {}
+    for name, value in _options(shares).items():
+        if isinstance(value, str | bool):
+            raise ExportError(f"--share {name}={value} cannot be read: write a number after the name.")
+        numbers[name] = float(value)
+    return SpecimenPlan(count, _curve(curve), seed, numbers, width)
+
+
+def _curve(text: str) -> SizeDistribution:
+    """Read ``size:finer,size:finer,... unit``; without a unit the sizes are in mm."""
+    from mbstudio.core.dem import target_curve
+
+    points, _, unit = text.strip().partition(" ")
+    pairs = [point.split(":") for point in points.strip(",").split(",")]
+    try:
+        sizes, finer = zip(*((float(size), float(percent)) for size, percent in pairs), strict=True)
+    except ValueError as error:
+        raise ExportError(
+            f"--curve {text} cannot be read: write size:percent finer, as in 0.1:0,0.3:40,0.8:100 mm."
+        ) from error
+    return target_curve(sizes, finer, unit.strip() or "mm")
 
 
 def _options(words: list[str]) -> dict[str, Any]:

@@ -229,6 +229,28 @@ def test_exports_that_make_no_sense(mbstudio, fitted_project, tmp_path):
     assert_one_message(
         mbstudio("export", fitted_project, "--to", "stl", "-o", out, "--option", "x"), "--option x"
     )
+    ran = mbstudio("export", fitted_project, "--to", "lammps", "--density", 2650, "--unit", "mm", "-o", out)
+    assert_one_message(ran, "always in m")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--specimen", 10], "--curve"),
+        (["--curve", "1:0,2:100"], "--specimen N"),
+        (["--specimen", 10, "--curve", "1,2"], "cannot be read"),
+        (["--specimen", 10, "--curve", "1:0,2:100 furlong"], "furlong"),
+        (["--specimen", 10, "--curve", "1:0,2:90"], "0 to 90"),
+        (["--specimen", 0, "--curve", "1:0,2:100"], "specimen of 0"),
+        (["--specimen", 10, "--curve", "1:0,2:100", "--share", "nobody=1"], "nobody"),
+        (["--specimen", 10, "--curve", "1:0,2:100", "--share", "nobody=much"], "much"),
+        (["--specimen", 10, "--curve", "1:0,2:100", "--box-width", 0.5], "no room"),
+    ],
+)
+def test_specimens_that_make_no_sense(words, message, mbstudio, fitted_project, tmp_path):
+    out = tmp_path / "out"
+    ran = mbstudio("export", fitted_project, "--to", "edem", "--option", "spheres=2", "-o", out, *words)
+    assert_one_message(ran, message)
     assert not out.exists()
 
 

@@ -234,7 +234,7 @@ def test_measure_prints_a_table(mbstudio, fitted_project):
     assert "sphericity" in ran.out
 
 
-@pytest.mark.parametrize("target", ["stl", "metaball", "liggghts"])
+@pytest.mark.parametrize("target", ["stl", "metaball", "liggghts", "pfc", "comflusom"])
 def test_export(mbstudio, fitted_project, tmp_path, target):
     folder = tmp_path / "out"
     ran = mbstudio(
@@ -246,6 +246,31 @@ def test_export(mbstudio, fitted_project, tmp_path, target):
     assert sorted(entry.name for entry in folder.iterdir()) == sorted(
         Path(name).name for name in result["files"]
     )
+
+
+def test_export_tells_its_targets_with_their_options(mbstudio):
+    ran = mbstudio("export", "--targets")
+    assert ran.code == 0
+    assert "lammps: LAMMPS rigid molecules, needs --density" in ran.out
+    assert "    spheres=40  spheres in each clump" in ran.out
+
+
+def test_export_of_a_specimen(mbstudio, fitted_project, tmp_path):
+    folder = tmp_path / "out"
+    ran = mbstudio(
+        "export", fitted_project, "--to", "lammps", "--density", 2650, "--spheres", 4, "-o", folder,
+        "--specimen", 15, "--curve", "100:0,200:50,300:100 um", "--seed", 3, "--json",
+    )  # fmt: skip
+    assert ran.code == 0
+    assert "in.specimen" in {Path(name).name for name in json.loads(ran.out)["files"]}
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["specimen"]["count"] == 15
+    assert manifest["specimen"]["seed"] == 3
+    assert manifest["specimen"]["wanted"] == {"unit": "um", "sizes": [100, 200, 300], "finer": [0, 50, 100]}
+    rows = np.loadtxt(folder / "specimen.csv", delimiter=",", skiprows=1, usecols=range(1, 10))
+    assert rows.shape == (15, 9)
+    assert rows[:, 1].min() >= 100e-6  # sizes, in m
+    assert rows[:, 1].max() <= 300e-6
 
 
 def test_export_of_named_avatars_with_options(mbstudio, fitted_project, tmp_path):

@@ -14,6 +14,8 @@ from PySide6.QtTest import QTest
 from scipy.ndimage import distance_transform_edt
 
 import mbstudio
+from mbstudio.core.dem import targets
+from mbstudio.core.dem.target import complete_options
 from tests.ui.conftest import PATIENCE
 
 
@@ -112,6 +114,20 @@ def test_from_scan_to_dem_files(window, scanned, idle, qtbot, tmp_path):
     assert window.messages.level == "success", window.messages.text
     manifest = json.loads((tmp_path / "liggghts" / "manifest.json").read_text())
     assert manifest
+
+
+def test_the_export_panel_offers_every_target_with_options_it_takes(window):
+    panel = window.panels_export
+    assert [panel.target.itemData(row) for row in range(panel.target.count())] == list(targets())
+    for row, target in enumerate(targets().values()):
+        panel.target.setCurrentIndex(row)
+        given = panel.given()
+        assert complete_options(target, given["options"]) == {
+            name: option.default for name, option in target.options.items()
+        }
+        assert (given["density"] is not None) == target.needs_density
+        units = {panel.unit.itemData(place) for place in range(panel.unit.count())} - {None}
+        assert not target.units or units == set(target.units)
 
 
 def test_the_grain_under_the_mouse_is_chosen(segmented, idle):

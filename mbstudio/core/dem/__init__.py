@@ -3,16 +3,21 @@
 from mbstudio.core.dem.clump import Clump, sphere_clump
 from mbstudio.core.dem.exporting import ExportReport, export, validate
 from mbstudio.core.dem.metaball import read_metaball
+from mbstudio.core.dem.specimen import Specimen, SpecimenPlan, make_specimen, target_curve
 from mbstudio.core.dem.target import Option, Target, targets
 
 __all__ = [
     "Clump",
     "ExportReport",
     "Option",
+    "Specimen",
+    "SpecimenPlan",
     "Target",
     "export",
+    "make_specimen",
     "read_metaball",
     "sphere_clump",
+    "target_curve",
     "targets",
     "validate",
 ]

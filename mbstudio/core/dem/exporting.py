@@ -20,6 +20,9 @@ from mbstudio.core.dem.manifest import (
     read_manifest,
     write_manifest,
 )
+from mbstudio.core.dem.specimen import SpecimenPlan, make_specimen
+from mbstudio.core.dem.specimen_files import FILE_NAME as SPECIMEN_NAME
+from mbstudio.core.dem.specimen_files import check_specimen, describe_specimen, write_specimen
 from mbstudio.core.dem.target import Job, Progress, complete_options, find_target
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball.avatar import Avatar
@@ -40,6 +43,8 @@ class ExportReport:
         What manifest.json says.
     items : tuple of mappings
         The manifest's entry for each avatar: name, files, volume, mass, moments, pose, details.
+    warnings : tuple of str
+        What the engine will find hard about an avatar, naming it.
     """
 
     folder: Path
@@ -47,6 +52,7 @@ class ExportReport:
     files: tuple[Path, ...]
     manifest: Mapping[str, Any]
     items: tuple[Mapping[str, Any], ...]
+    warnings: tuple[str, ...] = ()
 
 
 def export(
@@ -60,6 +66,7 @@ def export(
     overwrite: bool = False,
     progress: Progress | None = None,
     attachments: Mapping[str, str] | None = None,
+    specimen: SpecimenPlan | None = None,
     **options: Any,
 ) -> ExportReport:
     """Write avatars for a DEM engine: each with its centre of mass at the origin and principal axes.
@@ -87,6 +94,9 @@ def export(
         Raising in it cancels.
     attachments : mapping of str to str, optional
         Further text files, by their names, that the folder is to hold: they come and go with the export.
+    specimen : SpecimenPlan, optional
+        Particles of a wanted size distribution: written as specimen.csv for every target, and as decks
+        that pour them for LIGGGHTS and LAMMPS.
     **options
         The target's options.
 
@@ -102,6 +112,8 @@ def export(
         raise ExportError("There is no avatar to export: fit a grain first.")
     chosen = find_target(target)
     unit = parse_unit(unit or chosen.default_unit or avatars[0].unit)
+    if chosen.units and unit not in chosen.units:
+        raise ExportError(f"{chosen.title} are always in {' or '.join(chosen.units)}: leave the unit out.")
     density = _checked_density(chosen.title, chosen.needs_density, density)
     settings = complete_options(chosen, options)
     names = choose_names(avatars, names)
@@ -114,17 +126,31 @@ def export(
         for index, (avatar, name) in enumerate(zip(avatars, names, strict=True)):
             report_progress(0.4 * index / len(avatars), f"Mass properties of {name}")
             bodies.extend(prepare_bodies([avatar], [name], unit, density))
-        job = Job(bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m))
+        particles = None if specimen is None else make_specimen(bodies, specimen, unit)
+        job = Job(
+            bodies,
+            temporary,
+            unit,
+            density,
+            settings,
+            lambda f, m: report_progress(0.4 + 0.5 * f, m),
+            particles,
+        )
         written = chosen.write(job)
         attached = dict(attachments or {})
         for name, text in attached.items():
             (temporary / name).write_text(text, encoding="utf-8", newline="")
+        shared = (*written.shared_files, *attached)
+        if particles is not None:
+            write_specimen(temporary, particles)
+            shared = (*shared, SPECIMEN_NAME)
         items = [
             describe_body(body, density, files, details)
             for body, files, details in zip(bodies, written.item_files, written.item_details, strict=True)
         ]
-        shared = [*written.shared_files, *attached]
         manifest = make_manifest(target, unit, density, settings, items, shared, temporary)
+        if particles is not None and specimen is not None:
+            manifest["specimen"] = describe_specimen(particles, specimen)
         write_manifest(temporary, manifest)
         report_progress(0.9, "Reading back")
         try:
@@ -133,7 +159,8 @@ def export(
             raise ExportError(str(error).replace(str(temporary), str(folder))) from error
     report_progress(1.0, "Exported")
     files = tuple(folder / name for name in [*manifest["files"], FILE_NAME])
-    return ExportReport(folder, target, files, manifest, tuple(manifest["items"]))
+    warnings = [warning for item in items for warning in item["details"].get("warnings", ())]
+    return ExportReport(folder, target, files, manifest, tuple(manifest["items"]), tuple(warnings))
 
 
 def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
@@ -161,7 +188,14 @@ def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
     for name in manifest["files"]:
         if not (folder / name).is_file():
             raise ExportError(f"{folder / name} is missing: export again.")
-    chosen.validate(folder, manifest)
+    try:
+        chosen.validate(folder, manifest)
+        if "specimen" in manifest:
+            check_specimen(folder, manifest)
+    except (KeyError, TypeError) as error:
+        raise ExportError(
+            f"{folder / FILE_NAME} lacks {error} or holds something else there: export again."
+        ) from error
     if digests:
         check_digests(folder, manifest)
     return manifest

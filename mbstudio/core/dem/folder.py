@@ -85,7 +85,7 @@ def replaced_folder(folder: Path, replaced: Iterable[str], overwrite: bool) -> I
             _flush(temporary)
             if folder.exists():
                 _swap_files(temporary, folder, set(replaced))
-                temporary.rmdir()
+                shutil.rmtree(temporary)
             else:
                 _give_usual_rights(temporary)
                 temporary.rename(folder)
@@ -117,11 +117,16 @@ def _make_parents(parent: Path) -> list[Path]:
     return made
 
 
+def _files_in(folder: Path) -> list[str]:
+    """Return the files of a folder and those in it, named from the folder, with slashes."""
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
 def _refuse_collisions(temporary: Path, folder: Path, replaced: set[str], overwrite: bool) -> None:
     if overwrite or not folder.is_dir():
         return
-    there = {entry.name for entry in folder.iterdir()} - replaced
-    in_the_way = sorted(there & {entry.name for entry in temporary.iterdir()})
+    new = [name for name in _files_in(temporary) if name not in replaced]
+    in_the_way = [name for name in new if (folder / name).exists()]
     if in_the_way:
         raise ExportError(
             f"{folder / in_the_way[0]} is not from an earlier export and would be lost: "
@@ -137,7 +142,7 @@ def _give_usual_rights(temporary: Path) -> None:
 
 
 def _flush(folder: Path) -> None:
-    for path in [*folder.iterdir(), folder]:
+    for path in [*folder.rglob("*"), folder]:
         if path.is_dir() and os.name == "nt":
             continue  # a folder cannot be opened there; renaming writes its metadata through
         descriptor = os.open(path, os.O_RDONLY if path.is_dir() or os.name != "nt" else os.O_RDWR)
@@ -149,22 +154,36 @@ def _flush(folder: Path) -> None:
 
 def _swap_files(temporary: Path, folder: Path, replaced: set[str]) -> None:
     """Rename the earlier files aside and the new ones in; if one rename fails, rename all back."""
-    new = sorted((entry.name for entry in temporary.iterdir()), key=_manifest_last)
+    new = sorted(_files_in(temporary), key=_manifest_last)
     earlier = sorted({name for name in replaced | set(new) if (folder / name).exists()}, key=_manifest_last)
     aside = Path(tempfile.mkdtemp(prefix=".mbstudio-", suffix=".old", dir=folder))
     done: list[tuple[Path, Path]] = []
+    made: list[Path] = []
     moves = [(folder / name, aside / name) for name in reversed(earlier)]
     moves += [(temporary / name, folder / name) for name in new]
     try:
         for source, destination in moves:
+            made += _make_parents(destination.parent)
             source.rename(destination)
             done.append((source, destination))
     except BaseException:
         for source, destination in reversed(done):
             destination.rename(source)
+        for parent in reversed(made):
+            parent.rmdir()
         aside.rmdir()
         raise
     shutil.rmtree(aside, ignore_errors=True)
+    _remove_emptied(folder, earlier)
+
+
+def _remove_emptied(folder: Path, names: Iterable[str]) -> None:
+    """Remove the folders within a folder that held earlier files and now hold nothing."""
+    parents = {parent for name in names for parent in Path(name).parents if parent != Path()}
+    for parent in sorted(parents, key=lambda path: -len(path.parts)):
+        place = folder / parent
+        if place.is_dir() and not any(place.iterdir()):
+            place.rmdir()
 
 
 def _manifest_last(name: str) -> tuple[bool, str]:

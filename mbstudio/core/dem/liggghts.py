@@ -17,11 +17,21 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from mbstudio.core.dem.body import DemBody, is_finite
-from mbstudio.core.dem.clump import Clump, sphere_clump
+from mbstudio.core.dem.clump_files import (
+    POURED,
+    SPHERES,
+    check_spheres,
+    describe_clumps,
+    fitted_clumps,
+    sphere_rows,
+)
 from mbstudio.core.dem.liggghts_deck import DECK_NAME, settling_deck
+from mbstudio.core.dem.liggghts_specimen import check_specimen_deck, write_specimen_deck
+from mbstudio.core.dem.liggghts_template import template_command
 from mbstudio.core.dem.manifest import check_moments
+from mbstudio.core.dem.reading_back import agrees, number_rows, read_lines, read_text
 from mbstudio.core.dem.target import Job, Option, Target, Written
 from mbstudio.core.errors import ExportError
 from mbstudio.core.units import METRES_PER_UNIT
@@ -29,61 +39,22 @@ from mbstudio.core.units import METRES_PER_UNIT
 
 def write(job: Job) -> Written:
     """Write a sphere file and a template command for each body, and one deck for all."""
-    files, details, clumps = [], [], []
-    for index, body in enumerate(job.bodies):
-        job.progress(index / len(job.bodies), f"Fitting spheres to {body.name}")
-        clump = sphere_clump(body.avatar, int(job.options["spheres"]))
-        clumps.append(clump)
+    files = []
+    clumps = fitted_clumps(job)
+    for index, (body, clump) in enumerate(zip(job.bodies, clumps, strict=True)):
         spheres, template = f"{body.name}.multisphere", f"{body.name}.template"
-        _write_spheres(job.folder / spheres, clump)
+        # No comment, no empty line: run with '-screen none', LIGGGHTS 3.8.0 crashes when it skips one.
+        np.savetxt(job.folder / spheres, sphere_rows(clump), fmt="%.9e")
         command = template_command(body, spheres, len(clump.radii), index + 1, int(job.options["ntry"]))
         (job.folder / template).write_text(command, encoding="ascii")
         files.append((spheres, template))
-        details.append(_describe(clump, body))
     deck = settling_deck(job.bodies, clumps, [entry[1] for entry in files], int(job.options["poured"]))
     (job.folder / DECK_NAME).write_text(deck, encoding="ascii")
-    return Written(files, details, (DECK_NAME,))
-
-
-def template_command(body: DemBody, spheres_file: str, nspheres: int, number: int, ntry: int) -> str:
-    """Return the ``fix particletemplate/multisphere`` command of one body: SI units, principal axes."""
-    metres = METRES_PER_UNIT[body.mass.unit]
-    ixx, iyy, izz = (f"{moment:.9e}" for moment in body.mass.principal * metres**2)
-    return (
-        f"# {body.name}: mass in kg, inertia tensor in kg m2 as Ixx Ixy Ixz Iyy Iyz Izz\n"
-        f"fix template{number} all particletemplate/multisphere {prime_above(15485863 + 1000 * number)} &\n"
-        f"    atom_type 1 density constant {body.mass.density:.9g} &\n"
-        f"    nspheres {nspheres} ntry {ntry} spheres file {spheres_file} scale {metres:.9g} &\n"
-        f"    mass {body.mass.mass:.9e} inertia_tensor {ixx} 0 0 {iyy} 0 {izz} use_volume type {number}\n"
-    )
-
-
-def _write_spheres(path: Path, clump: Clump) -> None:
-    rows = np.column_stack([clump.centers, clump.radii])
-    # No comment, no empty line: run with '-screen none', LIGGGHTS 3.8.0 crashes when it skips one.
-    np.savetxt(path, rows, fmt="%.9e")
-
-
-def _describe(clump: Clump, body: DemBody) -> dict[str, Any]:
-    diameter = (6 * body.mass.volume / np.pi) ** (1 / 3)
-    return {
-        "spheres": len(clump.radii),
-        "smallest_radius": float(clump.radii.min()),
-        "largest_radius": float(clump.radii.max()),
-        "iou": clump.iou,
-        "volume_ratio": clump.volume_ratio,
-        "mean_distance": clump.mean_distance,
-        "hausdorff": clump.hausdorff,
-        "hausdorff_over_nominal_diameter": clump.hausdorff / diameter,
-    }
-
-
-def prime_above(number: int) -> int:
-    """Return the smallest prime above a number: LIGGGHTS wants prime seeds."""
-    candidate = number + 1 + number % 2
-    while any(candidate % divisor == 0 for divisor in range(3, int(candidate**0.5) + 1, 2)):
-        candidate += 2
-    return candidate
+    shared: tuple[str, ...] = (DECK_NAME,)
+    if job.specimen is not None:
+        shared += write_specimen_deck(job, job.specimen, clumps)
+    details = describe_clumps(clumps, job.bodies)
+    return Written(files, details, shared)
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -98,58 +69,25 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     for number, item in enumerate(manifest["items"], start=1):
         spheres, template = item["files"]
         rows = read_spheres(folder / spheres)
-        _check_spheres(folder / spheres, rows, item)
+        check_spheres(folder / spheres, rows, item)
         _check_template(folder / template, spheres, len(rows), number, item, manifest)
     deck = folder / DECK_NAME
-    included = [line.split()[1] for line in _lines(deck) if line.startswith("include ")]
+    included = [line.split()[1] for line in read_lines(deck) if line.startswith("include ")]
     if included != [item["files"][1] for item in manifest["items"]]:
         raise ExportError(f"{deck} does not include the templates of the manifest, each once and in order.")
+    if "specimen" in manifest:
+        check_specimen_deck(folder, manifest)
 
 
-def read_spheres(path: Path) -> np.ndarray:
+def read_spheres(path: Path) -> Float[np.ndarray, "n 4"]:
     """Return the rows ``x y z r`` of a sphere file; ExportError for anything that is no number."""
-    rows = []
-    for line in _text(path).splitlines():
-        try:
-            row = [float(part) for part in line.split()]
-        except ValueError:
-            row = []
-        if len(row) != 4:
-            raise ExportError(f"{path} has the line '{line}', which is not four numbers.")
-        rows.append(row)
-    return np.array(rows, dtype=float).reshape(-1, 4)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ExportError(f"{path} cannot be read ({error}).") from error
-
-
-def _lines(path: Path) -> list[str]:
-    return [line.strip() for line in _text(path).splitlines() if line.strip()]
-
-
-def _check_spheres(path: Path, rows: np.ndarray, item: Mapping[str, Any]) -> None:
-    if len(rows) < 2:
-        raise ExportError(f"{path} has {len(rows)} spheres; LIGGGHTS needs at least 2.")
-    if len(rows) != item["details"]["spheres"]:
-        raise ExportError(f"{path} has {len(rows)} spheres; the manifest says {item['details']['spheres']}.")
-    if not is_finite(rows) or rows[:, 3].min() <= 0:
-        raise ExportError(f"{path} has numbers that are not finite, or a radius that is not positive.")
-    reach = (np.linalg.norm(rows[:, :3], axis=1) + rows[:, 3]).max()
-    size = (6 * item["volume"] / np.pi) ** (1 / 3)
-    smallest, largest = rows[:, 3].min(), rows[:, 3].max()
-    stated = item["details"]["smallest_radius"], item["details"]["largest_radius"]
-    if not 0.4 * size < reach < 20 * size or not np.allclose((smallest, largest), stated, rtol=1e-6):
-        raise ExportError(f"{path} holds spheres of another size than the manifest says.")
+    return number_rows(path, read_text(path).splitlines(), 4)
 
 
 def _check_template(
     path: Path, spheres: str, count: int, number: int, item: Mapping[str, Any], manifest: Mapping[str, Any]
 ) -> None:
-    words = " ".join(line.removesuffix("&") for line in _lines(path) if not line.startswith("#")).split()
+    words = " ".join(line.removesuffix("&") for line in read_lines(path) if not line.startswith("#")).split()
     found = _parse_template(path, words)
     expected: dict[str, Sequence[str | float]] = {
         "id": [f"template{number}"],
@@ -165,7 +103,7 @@ def _check_template(
         values = found.get(keyword)
         if values is None:
             raise ExportError(f"{path} lacks '{keyword}'.")
-        if not _agree(values, wanted):
+        if not agrees(values, wanted):
             raise ExportError(
                 f"{path} has '{keyword}' {' '.join(values)}; the manifest says {' '.join(map(str, wanted))}."
             )
@@ -173,7 +111,7 @@ def _check_template(
         raise ExportError(
             f"{path} lacks 'use_volume': LIGGGHTS would not know which density belongs to the mass."
         )
-    if not _agree(found.get("ntry", ["0"]), [float(manifest["options"]["ntry"])]):
+    if not agrees(found.get("ntry", ["0"]), [float(manifest["options"]["ntry"])]):
         raise ExportError(f"{path} has another 'ntry' than the manifest.")
     check_moments(
         item["name"], float(found["mass"][0]), [float(found["inertia_tensor"][i]) for i in (0, 3, 5)]
@@ -202,23 +140,6 @@ def _parse_template(path: Path, words: list[str]) -> dict[str, list[str]]:
     return found
 
 
-def _agree(values: Sequence[str], wanted: Sequence[str | float]) -> bool:
-    if len(values) != len(wanted):
-        return False
-    for value, target in zip(values, wanted, strict=True):
-        if isinstance(target, str):
-            if value != target:
-                return False
-            continue
-        try:
-            number = float(value)
-        except ValueError:
-            return False
-        if not abs(number - target) <= 1e-7 * abs(target):
-            return False
-    return True
-
-
 TARGET = Target(
     name="liggghts",
     title="LIGGGHTS multisphere templates",
@@ -228,8 +149,9 @@ TARGET = Target(
     validate=validate,
     options=MappingProxyType(
         {
-            "spheres": Option(40, "spheres in each clump", 2, 2000),
-            "poured": Option(10, "particles that the example deck pours", 1, 100000),
+            "spheres": SPHERES,
+            "poured": POURED,
+            "classes": Option(6, "sizes of each avatar that the deck of a specimen inserts", 1, 200),
             "ntry": Option(
                 200000, "Monte Carlo points of LIGGGHTS for the clump's volume and centre", 1000, 10**8
             ),

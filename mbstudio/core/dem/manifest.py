@@ -149,7 +149,7 @@ def _check_numbers(path: Path, manifest: Mapping[str, Any]) -> None:
     if density is not None and not (is_finite(density) and density > 0):
         raise ExportError(f"{path} has a density of {density}.")
     for name in manifest["files"]:
-        if Path(name).name != name:
+        if Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
             raise ExportError(f"{path} names '{name}', which lies outside the folder.")
     for item in manifest["items"]:
         if not (is_finite(item["volume"]) and item["volume"] > 0):

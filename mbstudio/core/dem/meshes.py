@@ -64,11 +64,20 @@ def validate_meshes(folder: Path, manifest: Mapping[str, Any]) -> None:
     """
     for item in manifest["items"]:
         (name,) = item["files"]
-        _validate_mesh(folder / name, item)
+        check_mesh(folder / name, read_mesh(folder / name), item)
 
 
-def _validate_mesh(path: Path, item: Mapping[str, Any]) -> None:
-    mesh = read_mesh(path)
+def check_mesh(path: Path, mesh: trimesh.Trimesh, item: Mapping[str, Any]) -> None:
+    """Raise ExportError unless a mesh is the closed body that the manifest describes.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    mesh : trimesh.Trimesh
+    item : mapping
+        The manifest's entry.
+    """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if not len(faces) or not np.isfinite(vertices).all():
         raise ExportError(f"{path} has no faces, or vertices that are not finite numbers.")

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.dem.body import DemBody, is_finite
@@ -33,13 +34,18 @@ def write(job: Job) -> Written:
     for index, body in enumerate(job.bodies):
         job.progress(index / len(job.bodies), f"Writing {body.name}")
         table, record = f"{body.name}.csv", f"{body.name}.json"
-        rows = np.column_stack([body.avatar.centers, body.avatar.weights])
-        np.savetxt(job.folder / table, rows, fmt="%.17g", delimiter=",", header=_HEADER, comments="")
+        write_table(job.folder / table, body.avatar)
         text = json.dumps(_record_of(body), indent=1, allow_nan=False)
         (job.folder / record).write_text(text + "\n", encoding="utf-8")
         files.append((table, record))
         details.append({"control_points": body.avatar.n})
     return Written(files, details)
+
+
+def write_table(path: Path, avatar: Avatar) -> None:
+    """Write the rows x, y, z, k of an avatar after a header line."""
+    rows = np.column_stack([avatar.centers, avatar.weights])
+    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=_HEADER, comments="")
 
 
 def _record_of(body: DemBody) -> dict[str, Any]:
@@ -97,7 +103,7 @@ def read_metaball(path: str | Path, *, frame: Literal["source", "principal"] = "
     if abs(np.linalg.norm([w, x, y, z]) - 1) > 1e-6 or not is_finite(position):
         raise ExportError(f"{path.with_suffix('.json')} has a pose that is no rotation and position.")
     if path.suffix.lower() == ".csv":
-        table = _read_table(path)
+        table = read_table(path)
         centers, weights = table[:, :3], table[:, 3]
     if frame == "source":
         centers = centers @ Rotation.from_quat([x, y, z, w]).as_matrix().T + position
@@ -119,7 +125,8 @@ def _read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def _read_table(path: Path) -> np.ndarray:
+def read_table(path: Path) -> Float[np.ndarray, "n 4"]:
+    """Return the rows x, y, z, k of a table of control points; ExportError if it is none."""
     try:
         header, *lines = path.read_text(encoding="ascii").splitlines()
         table = np.array([[float(cell) for cell in line.split(",")] for line in lines], dtype=float)
@@ -134,8 +141,6 @@ def _read_table(path: Path) -> np.ndarray:
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Read both files of every avatar back and compare them with each other and the manifest."""
-    from mbstudio.core.metrics.mass import mass_properties
-
     for item in manifest["items"]:
         table, record = (folder / name for name in item["files"])
         from_table = read_metaball(table, frame="principal")
@@ -150,12 +155,17 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
             raise ExportError(f"{table} and {record.name} do not hold the same control points.")
         if from_record.unit != manifest["unit"]:
             raise ExportError(f"{record} is in {from_record.unit}, the manifest in {manifest['unit']}.")
-        found = mass_properties(from_table, 1.0)
-        size = item["volume"] ** (1 / 3)
-        if abs(found.volume / item["volume"] - 1) > 1e-3 or np.abs(found.com).max() > 1e-3 * size:
-            raise ExportError(
-                f"{table} is not the avatar that the manifest describes (volume or centre of mass)."
-            )
+        check_body(table, from_table, item)
+
+
+def check_body(path: Path, avatar: Avatar, item: Mapping[str, Any]) -> None:
+    """Raise ExportError unless an avatar has the volume that the manifest says, centred on the origin."""
+    from mbstudio.core.metrics.mass import mass_properties
+
+    found = mass_properties(avatar, 1.0)
+    size = item["volume"] ** (1 / 3)
+    if abs(found.volume / item["volume"] - 1) > 1e-3 or np.abs(found.com).max() > 1e-3 * size:
+        raise ExportError(f"{path} is not the avatar that the manifest describes (volume or centre of mass).")
 
 
 TARGET = Target(

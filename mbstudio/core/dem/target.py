@@ -9,14 +9,20 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.errors import ExportError
 
+if TYPE_CHECKING:
+    from mbstudio.core.dem.specimen import Specimen
+
 Progress = Callable[[float, str], None]
 
-_MODULES = ("stl", "obj", "ply", "metaball", "liggghts")
+_MODULES = (
+    "stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos", "peclet", "yade", "yade_level_set",
+    "pfc", "dem_engine", "comflusom", "mercury", "edem", "mechsys",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,8 @@ class Job:
         A value for every option of the target.
     progress : callable
         To be called with the fraction done; it raises to cancel.
+    specimen : Specimen or None
+        Particles that are to be poured, in `unit`.
     """
 
     bodies: Sequence[DemBody]
@@ -64,6 +72,7 @@ class Job:
     density: float | None
     options: Mapping[str, Any]
     progress: Progress
+    specimen: Specimen | None = None
 
 
 @dataclass(frozen=True)
@@ -97,6 +106,8 @@ class Target:
     default_unit : str or None
         Unit of the files unless the caller says another; None: that of the first avatar.
     options : mapping of str to Option
+    units : tuple of str
+        Those that the files can be in; empty: any.
     write : callable(Job) -> Written
     validate : callable(folder, manifest)
         Reads every file back and raises ExportError for what an engine would swallow.
@@ -109,6 +120,7 @@ class Target:
     write: Callable[[Job], Written]
     validate: Callable[[Path, Mapping[str, Any]], None]
     options: Mapping[str, Option] = field(default_factory=lambda: MappingProxyType({}))
+    units: tuple[str, ...] = ()
 
 
 @cache

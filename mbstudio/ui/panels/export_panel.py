@@ -166,7 +166,9 @@ class ExportPanel(Panel):
         self.unit.clear()
         usual = f"Usual ({unit_label(target.default_unit)})" if target.default_unit else "As in the scan"
         self.unit.addItem(usual, None)
-        for unit in UNITS:
+        # A target whose files can be in one unit only has nothing to choose.
+        self.unit.setEnabled(len(target.units) != 1)
+        for unit in target.units or UNITS:
             self.unit.addItem(unit_label(unit), unit)
         empty(self._options_layout)
         self._option_fields = {}

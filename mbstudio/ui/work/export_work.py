@@ -50,7 +50,11 @@ class ExportWork(Work):
     def _tell(self, report: Any, count: int, unit: str | None) -> None:
         lengths = f" in {unit_label(unit)}" if unit else ""
         avatars = f"{count} avatar{'s' if count != 1 else ''}"
-        self.said.emit(
-            "success",
-            f"Wrote {avatars}{lengths} as {len(report.files)} files to {report.folder}; each was read back.",
+        wrote = (
+            f"Wrote {avatars}{lengths} as {len(report.files)} files to {report.folder}; each was read back."
         )
+        if report.warnings:
+            further = f" (and {len(report.warnings) - 1} more)" if len(report.warnings) > 1 else ""
+            self.said.emit("warning", f"{wrote} {report.warnings[0]}{further}")
+        else:
+            self.said.emit("success", wrote)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
+from mbstudio.core.dem import clump_files
+from mbstudio.core.dem.clump import Clump, sphere_clump
+from mbstudio.core.dem.engines import VARIABLE, find_engine
 from mbstudio.core.metaball import Avatar
 
 
@@ -37,10 +40,55 @@ def ring() -> Avatar:
     return Avatar(centers, np.full(12, 0.35), "mm", name="ring")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _clumps_are_fitted_once() -> Iterator[None]:
+    """Nine targets are tested on the same few avatars: the same clump is not fitted anew for each."""
+    known: dict[tuple, Clump] = {}
+
+    def fitted(avatar: Avatar, spheres: int = 40, *, seed: int = 0) -> Clump:
+        key = (avatar.centers.tobytes(), avatar.weights.tobytes(), avatar.unit, spheres, seed)
+        if key not in known:
+            known[key] = sphere_clump(avatar, spheres, seed=seed)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(clump_files, "sphere_clump", fitted)
+        yield
+
+
+def engine_or_skip(name: str) -> list[str]:
+    """Return the command that starts an engine; skip the test by the engine's name without it."""
+    command = find_engine(name)
+    if command is None:
+        pytest.skip(f"the DEM engine {name} is not installed (see mbstudio doctor and {VARIABLE})")
+    return command
+
+
 @pytest.fixture(scope="session")
 def liggghts() -> str:
     """The LIGGGHTS executable."""
-    found = shutil.which("liggghts")
-    if found is None:
-        pytest.skip("the DEM engine LIGGGHTS is not installed (executable 'liggghts')")
-    return found
+    return engine_or_skip("LIGGGHTS")[0]
+
+
+@pytest.fixture(scope="session")
+def lammps() -> str:
+    """The LAMMPS executable."""
+    return engine_or_skip("LAMMPS")[0]
+
+
+@pytest.fixture(scope="session")
+def kratos() -> str:
+    """An interpreter with Kratos and its DEM application."""
+    return engine_or_skip("Kratos")[0]
+
+
+@pytest.fixture(scope="session")
+def peclet() -> str:
+    """An interpreter with peclet-dem."""
+    return engine_or_skip("peclet-dem")[0]
+
+
+@pytest.fixture(scope="session")
+def yade() -> str:
+    """The Yade executable."""
+    return engine_or_skip("Yade")[0]

@@ -1,0 +1,48 @@
+"""EDEM sphere tables: a CSV of positions and radii for each avatar, in the unit of the export.
+
+The centre of mass is the origin and the axes are principal, as EDEM wants its particles; volume, mass and
+moments to type in stand in the manifest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mbstudio.core.dem.clump_files import (
+    OPTIONS,
+    check_sphere_table,
+    describe_clumps,
+    fitted_clumps,
+    write_sphere_table,
+)
+from mbstudio.core.dem.target import Job, Target, Written
+
+_HEADER = "x,y,z,radius"
+
+
+def write(job: Job) -> Written:
+    """Write a sphere table for each body."""
+    clumps = fitted_clumps(job)
+    for body, clump in zip(job.bodies, clumps, strict=True):
+        write_sphere_table(job.folder / f"{body.name}.csv", clump, _HEADER)
+    details = describe_clumps(clumps, job.bodies)
+    return Written([(f"{body.name}.csv",) for body in job.bodies], details)
+
+
+def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Read the tables back and compare them with the manifest."""
+    for item in manifest["items"]:
+        check_sphere_table(folder / item["files"][0], item, _HEADER)
+
+
+TARGET = Target(
+    name="edem",
+    title="EDEM sphere tables",
+    needs_density=False,
+    default_unit="m",
+    write=write,
+    validate=validate,
+    options=OPTIONS,
+)

@@ -1,0 +1,210 @@
+"""The example case of a Kratos export: some of each cluster fall into a box and settle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbstudio.core.dem.body import DemBody
+from mbstudio.core.dem.clump import Clump
+from mbstudio.core.dem.settling import GRAVITY, POISSON, Stack, stacked_grains
+
+MATERIALS_NAME = "MaterialsDEM.json"
+PARAMETERS_NAME = "ProjectParametersDEM.json"
+SCRIPT_NAME = "settle.py"
+CASE_FILES = (
+    SCRIPT_NAME,
+    PARAMETERS_NAME,
+    MATERIALS_NAME,
+    "settleDEM_Clusters.mdpa",
+    "settleDEM_FEM_boundary.mdpa",
+)
+_LAW = "DEM_D_Hertz_viscous_Coulomb"
+
+_SCRIPT = '''"""Let the clusters fall. Run within this folder: python settle.py"""
+
+import KratosMultiphysics
+import KratosMultiphysics.DEMApplication as dem
+from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
+
+
+class Settling(DEMAnalysisStage):
+    """Prints the kinetic energy of the clusters (translation) now and then."""
+
+    def OutputSolutionStep(self):
+        super().OutputSolutionStep()
+        process = self.spheres_model_part.ProcessInfo
+        if process[KratosMultiphysics.TIME_STEPS] % 250:
+            return
+        energy, nodes = 0.0, list(self.cluster_model_part.Nodes)
+        for node in nodes:
+            velocity = node.GetSolutionStepValue(KratosMultiphysics.VELOCITY)
+            mass = node.GetSolutionStepValue(KratosMultiphysics.NODAL_MASS)
+            energy += 0.5 * mass * sum(v * v for v in velocity)
+        print("SETTLING", process[KratosMultiphysics.TIME], len(nodes), energy, flush=True)
+
+
+if __name__ == "__main__":
+    KratosMultiphysics.Logger.GetDefaultOutput().SetSeverity(KratosMultiphysics.Logger.Severity.WARNING)
+    with open("ProjectParametersDEM.json") as stream:
+        parameters = KratosMultiphysics.Parameters(stream.read())
+    Settling(KratosMultiphysics.Model(), parameters).Run()
+'''
+
+
+def write_case(folder: Path, bodies: Sequence[DemBody], clumps: Sequence[Clump], poured: int) -> None:
+    """Write a case in SI units that runs as it is, from within its folder (Kratos 10)."""
+    sizes = [2 * float((np.linalg.norm(c.centers, axis=1) + c.radii).max()) for c in clumps]
+    stack = stacked_grains(poured, len(bodies), max(sizes) / 2)
+    materials, step = _materials(bodies, clumps, stack.top)
+    seconds = 4.0 * float(np.sqrt(2 * stack.top / GRAVITY))
+    parameters = _parameters(stack.half, stack.top, step, seconds)
+    for name, content in ((MATERIALS_NAME, materials), (PARAMETERS_NAME, parameters)):
+        (folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="ascii")
+    (folder / SCRIPT_NAME).write_text(_SCRIPT, encoding="ascii")
+    (folder / CASE_FILES[3]).write_text(_clusters(stack, sizes), encoding="ascii")
+    (folder / CASE_FILES[4]).write_text(_box(stack.half, stack.top), encoding="ascii")
+
+
+def _materials(
+    bodies: Sequence[DemBody], clumps: Sequence[Clump], top: float
+) -> tuple[dict[str, Any], float]:
+    """Return one material a cluster and one for the walls, and the time step.
+
+    Young's modulus is such that the fall overlaps by a fifth of the smallest sphere (Hertz), the step a
+    30th of that contact.
+    """
+    smallest = min(float(clump.radii.min()) for clump in clumps)
+    heaviest = max(body.mass.mass for body in bodies)
+    overlap, speed = 0.2 * smallest, float(np.sqrt(2 * GRAVITY * top))
+    young = 15 / 16 * heaviest * speed**2 / (np.sqrt(smallest) * overlap**2.5) * (1 - POISSON**2)
+    step = float(f"{2.94 * overlap / speed / 30:.3g}")
+    walls = len(bodies) + 1
+    materials = [
+        {
+            "material_name": body.name,
+            "material_id": number,
+            "Variables": {
+                "PARTICLE_DENSITY": bodies[0].mass.density,
+                "YOUNG_MODULUS": float(young),
+                "POISSON_RATIO": POISSON,
+                "CLUSTER_FILE_NAME": f"{body.name}.clu",
+                "BREAKABLE_CLUSTER": False,
+            },
+        }
+        for number, body in enumerate(bodies, start=1)
+    ]
+    wall = {
+        "material_name": "walls",
+        "material_id": walls,
+        "Variables": {"YOUNG_MODULUS": float(100 * young), "POISSON_RATIO": POISSON, "COMPUTE_WEAR": False},
+    }
+    contact = {
+        "COEFFICIENT_OF_RESTITUTION": 0.3,
+        "STATIC_FRICTION": 0.5,
+        "DYNAMIC_FRICTION": 0.5,
+        "FRICTION_DECAY": 500.0,
+        "ROLLING_FRICTION": 0.01,
+        "ROLLING_FRICTION_WITH_WALLS": 0.01,
+        "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
+        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": _LAW,
+    }
+    names = {number: body.name for number, body in enumerate(bodies, start=1)} | {walls: "walls"}
+    pairs = [(i, j) for i in range(1, walls) for j in range(i, walls + 1)]
+    relations = [
+        {"material_names_list": [names[i], names[j]], "material_ids_list": [i, j], "Variables": contact}
+        for i, j in pairs
+    ]
+    table = [[f"ClusterPart.kind{number}", names[number]] for number in range(1, walls)]
+    return {
+        "materials": [*materials, wall],
+        "material_relations": relations,
+        "material_assignation_table": [*table, ["RigidFacePart", "walls"]],
+    }, step
+
+
+def _parameters(half: float, top: float, step: float, seconds: float) -> dict[str, Any]:
+    return {
+        "problem_name": "settle",
+        "Dimension": 3,
+        "BoundingBoxOption": True,
+        "BoundingBoxEnlargementFactor": 1.1,
+        **{f"BoundingBoxMax{axis}": 4 * half for axis in "XY"},
+        **{f"BoundingBoxMin{axis}": -4 * half for axis in "XY"},
+        "BoundingBoxMaxZ": 2 * top,
+        "BoundingBoxMinZ": -top,
+        "dem_inlet_option": False,
+        "GravityZ": -GRAVITY,
+        "RotationOption": True,
+        "solver_settings": {
+            "RemoveBallsInitiallyTouchingWalls": False,
+            "strategy": "sphere_strategy",
+            "material_import_settings": {"materials_filename": MATERIALS_NAME},
+        },
+        "processes": {"constraints_process_list": [], "loads_process_list": [], "list_other_processes": []},
+        "ElementType": "SphericPartDEMElement3D",
+        "TranslationalIntegrationScheme": "Symplectic_Euler",
+        "RotationalIntegrationScheme": "Direct_Integration",
+        "MaxTimeStep": step,
+        "FinalTime": seconds,
+        "NeighbourSearchFrequency": 20,
+        "do_print_results_option": False,
+        "GraphExportFreq": 2 * seconds,
+        "VelTrapGraphExportFreq": 2 * seconds,
+        "OutputTimeStep": 2 * seconds,
+    }
+
+
+def _clusters(stack: Stack, sizes: Sequence[float]) -> str:
+    """Return the clusters' mdpa: the kinds in turn, turned at random, quaternions as (x, y, z, w)."""
+    numbers = range(1, len(stack.places) + 1)
+    kinds = [(number - 1) % len(sizes) for number in numbers]
+    turns = stack.quaternions[:, [1, 2, 3, 0]]
+    nodes = [f"{n} {x:.9e} {y:.9e} {z:.9e}" for n, (x, y, z) in zip(numbers, stack.places, strict=True)]
+    elements = [f"{n} {kind + 1} {n}" for n, kind in zip(numbers, kinds, strict=True)]
+    lengths = [f"{n} 0 {sizes[kind]:.12e}" for n, kind in zip(numbers, kinds, strict=True)]
+    turned = [
+        f"{n} 0 [4] ( {', '.join(f'{part:.9f}' for part in turn)} )"
+        for n, turn in zip(numbers, turns, strict=True)
+    ]
+    text = "Begin ModelPartData\nEnd ModelPartData\n\n"
+    text += "".join(f"Begin Properties {kind + 1}\nEnd Properties\n" for kind in range(len(sizes)))
+    for head, rows in (
+        ("Nodes", nodes),
+        ("Elements Cluster3D", elements),
+        ("NodalData CHARACTERISTIC_LENGTH", lengths),
+        ("NodalData ORIENTATION", turned),
+    ):
+        text += f"\nBegin {head}\n" + "\n".join(rows) + f"\nEnd {head.split()[0]}\n"
+    for kind in range(len(sizes)):
+        mine = "\n".join(str(n) for n, other in zip(numbers, kinds, strict=True) if other == kind)
+        text += (
+            f"\nBegin SubModelPart kind{kind + 1}\nBegin SubModelPartNodes\n{mine}\nEnd SubModelPartNodes\n"
+            f"Begin SubModelPartElements\n{mine}\nEnd SubModelPartElements\nEnd SubModelPart\n"
+        )
+    return text
+
+
+def _box(half: float, top: float) -> str:
+    """Return the mdpa of a floor and four walls, normals inwards."""
+    low = [(-half, -half), (half, -half), (half, half), (-half, half)]
+    corners = [(x, y, z) for z in (0.0, 1.5 * top) for x, y in low]
+    quads = [(1, 2, 3, 4), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 8, 4), (4, 8, 5, 1)]
+    faces = [triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]
+    nodes = "\n".join(f"{n} {x:.9e} {y:.9e} {z:.9e}" for n, (x, y, z) in enumerate(corners, start=1))
+    conditions = "\n".join(f"{n} 0 {a} {b} {c}" for n, (a, b, c) in enumerate(faces, start=1))
+    return (
+        "Begin ModelPartData\nEnd ModelPartData\n\nBegin Properties 0\nEnd Properties\n\n"
+        f"Begin Nodes\n{nodes}\nEnd Nodes\n\n"
+        f"Begin Conditions RigidFace3D3N\n{conditions}\nEnd Conditions\n\n"
+        "Begin SubModelPart walls\nBegin SubModelPartData\nFIXED_MESH_OPTION 0\nRIGID_BODY_MOTION 1\n"
+        "FREE_BODY_MOTION 0\nIS_GHOST 0\nIDENTIFIER walls\nFORCE_INTEGRATION_GROUP 0\nEnd SubModelPartData\n"
+        "Begin SubModelPartNodes\n" + "\n".join(map(str, range(1, 9))) + "\nEnd SubModelPartNodes\n"
+        "Begin SubModelPartConditions\n"
+        + "\n".join(str(n) for n in range(1, len(faces) + 1))
+        + "\nEnd SubModelPartConditions\nEnd SubModelPart\n"
+    )
