@@ -6,13 +6,14 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from mbstudio.cli import console, inputs
 from mbstudio.core.errors import StyleError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from mbstudio.core.vae import Serialization, StyleLearner
 
 TABLE = "latents.csv"
@@ -122,9 +123,9 @@ class _ByHand:
     def _parent(self, name: str) -> np.ndarray:
         names = list(self.learner.parents.names)
         if name in names:
-            return np.asarray(self.learner.latents[names.index(name)])
+            return self.learner.latents[names.index(name)]
         if name.isdigit() and 1 <= int(name) <= len(names):
-            return np.asarray(self.learner.latents[int(name) - 1])
+            return self.learner.latents[int(name) - 1]
         raise StyleError(
             f"The style-learner has no parent '{name}': give a number from 1 to {len(names)}, or a name such "
             f"as '{names[0]}'."
@@ -140,7 +141,7 @@ class _ByHand:
 
         third, first, second = (self._parent(name) for name in (base, plus, minus))
         moved = added(self.learner, third, first, second, strength, meanings=self.meanings)
-        return np.asarray(moved)[None]
+        return moved[None]
 
     def varied(self, name: str, sigma: float, count: int) -> np.ndarray:
         from mbstudio.core.vae.latent import noisy
@@ -150,7 +151,7 @@ class _ByHand:
     def moved(self, name: str, by: list[str]) -> np.ndarray:
         if not by:
             raise StyleError("Say how to move the grain: --by csf=-1, in standard deviations of the parents.")
-        return np.asarray(self.meanings.moved(self._parent(name), _numbers(by), corrections=8))[None]
+        return self.meanings.moved(self._parent(name), _numbers(by), corrections=8)[None]
 
     def designed(self, targets: list[str]) -> np.ndarray:
         found = self.meanings.designed(_numbers(targets))
@@ -159,7 +160,7 @@ class _ByHand:
             raise StyleError(
                 f"These parents cannot give {' '.join(targets)}: the nearest grain has {reached}."
             )
-        return np.asarray(found.latent)[None]
+        return found.latent[None]
 
 
 def _numbers(words: list[str]) -> dict[str, float]:
@@ -180,6 +181,8 @@ def _finish(
     overwrite: bool, as_json: bool, begun: float,
 ) -> None:  # fmt: skip
     """Decode, check, measure and write."""
+    import numpy as np
+
     from mbstudio.core.dem import export
     from mbstudio.core.metaball.topology import topology
     from mbstudio.core.vae.latent import is_far_outside
@@ -213,6 +216,8 @@ def _finish(
 
 
 def _rows(grains: Serialization, latents: np.ndarray, recipe: str) -> list[dict[str, Any]]:
+    import numpy as np
+
     from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
 
     factors = meaning_factors(grains)
@@ -236,6 +241,8 @@ def _csv(rows: list[dict[str, Any]]) -> str:
 
 
 def _tell_about(style: Path, learner: StyleLearner, work: _ByHand, as_json: bool) -> None:
+    import numpy as np
+
     from mbstudio.core.vae.meaning_factors import MEANINGS
 
     meanings = work.meanings
