@@ -339,7 +339,8 @@ def set_up(kind: str, root: Path = ROOT) -> Path:
 def command_of(arguments: Sequence[str], python: Path) -> list[str]:
     """Return what to run once the set-up is done."""
     if arguments[:1] == ["test"]:
-        return [str(python), "-m", "pytest", *arguments[1:]]
+        # The whole suite on two cores; with arguments as pytest alone would do, so that --pdb and -x work.
+        return [str(python), "-m", "pytest", *(arguments[1:] or ["-n", "2", "--dist", "loadfile"])]
     if not arguments:
         arguments = ["gui", "--sample"] if has_display() else ["tour", "--out", "tour/"]
     return [str(python), "-m", "mbstudio", *arguments]

@@ -334,6 +334,9 @@ def test_arguments_go_to_the_program(run, monkeypatch):
     python = Path("python")
     assert run.command_of(["fit", "a.tif"], python) == ["python", "-m", "mbstudio", "fit", "a.tif"]
     assert run.command_of(["test", "-k", "scan"], python) == ["python", "-m", "pytest", "-k", "scan"]
+    everything = run.command_of(["test"], python)
+    assert everything[:3] == ["python", "-m", "pytest"]
+    assert "-n" in everything
     monkeypatch.setattr(run, "has_display", lambda: True)
     assert run.command_of([], python)[2:] == ["mbstudio", "gui", "--sample"]
     monkeypatch.setattr(run, "has_display", lambda: False)
