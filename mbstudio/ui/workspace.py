@@ -81,6 +81,11 @@ class Workspace(QObject):
         return self.project.is_modified
 
     @property
+    def can_be_saved(self) -> bool:
+        """Whether there is something that a project file is worth: a scan or a style."""
+        return self.state.scan is not None or self.state.style is not None
+
+    @property
     def title(self) -> str:
         """Name of the project file, or what an unsaved project is called."""
         return self.project.path.name if self.project.path else "Untitled project"

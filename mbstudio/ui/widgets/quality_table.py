@@ -39,11 +39,11 @@ _TIPS = (
     "What as many true new grains would score: one sample in twenty exceeds it",
 )
 _FACTS = (
-    ("Novelty", "Median distance to the nearest parent over that of the parents among themselves: 1 is as new"),
+    ("Novelty", "Median distance to the nearest parent over the parents' own: 1 is as new as real grains"),
     ("Copies", "Share of clones nearer to a parent than 0.3 of the parents' own distance"),
     ("Diversity", "Median distance to the nearest other clone over that of the parents: 1 is as varied"),
     ("Valid", "Share of the candidates that were one body without void as drawn, and of the clones"),
-    ("Told from parents", "Area under the curve of a random forest that tells clones from parents: 0.5 is guessing"),
+    ("Told from parents", "Area under the curve of a random forest that tells them apart: 0.5 is guessing"),
 )  # fmt: skip
 
 
@@ -100,8 +100,10 @@ class QualityTable(QFrame):
 
     def text(self, factor: str, head: str) -> str:
         """Return what stands in the row of a factor below the first head of this name."""
-        row = [self.table.item(i, 0).text() for i in range(self.table.rowCount())].index(factor)
-        return self.table.item(row, _HEADS.index(head)).text()
+        cells = [
+            [self.table.item(i, j) for j in (0, _HEADS.index(head))] for i in range(self.table.rowCount())
+        ]
+        return next(text.text() for name, text in cells if name and text and name.text() == factor)
 
     def fact(self, title: str) -> str:
         """Return a fact, by its title."""

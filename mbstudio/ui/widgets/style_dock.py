@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
@@ -20,7 +19,6 @@ from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import Population
 from mbstudio.scene.population_style import readable_scale
 from mbstudio.ui.theme import Theme
-from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.quality_table import QualityTable
 from mbstudio.ui.widgets.training_plots import TrainingPlots
 

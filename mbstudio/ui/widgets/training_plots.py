@@ -109,7 +109,10 @@ class TrainingCurve(Plot):
         return tuple(int(np.isfinite(row).sum()) for row in self._values)
 
     def show_values(
-        self, steps: Float64[np.ndarray, " m"], values: Float64[np.ndarray, "curves m"], best: int | None = None
+        self,
+        steps: Float64[np.ndarray, " m"],
+        values: Float64[np.ndarray, "curves m"],
+        best: int | None = None,
     ) -> None:
         """Draw curves; a dot marks record `best` of the first."""
         self._steps, self._values = steps, values
@@ -165,12 +168,12 @@ class TrainingPlots(QFrame):
             theme, "Annealer weight", "Weight of the distribution item", ("Weight",), log=False
         )
         self.items.setToolTip(
-            "What is minimised, mean over the steps of a record: how well parents are reproduced (a negative log "
-            "likelihood in preset aligned, which may fall below zero), and how far the latents are from a "
-            "normal distribution"
+            "What is minimised, mean over the steps of a record: how well parents are reproduced (in preset "
+            "aligned a negative log likelihood, which may fall below zero), and how far the latents are from "
+            "a normal distribution"
         )
         self.error.setToolTip(
-            "Root mean square surface distance of parents that were held out and what the style-learner makes of "
+            "Root mean square surface distance of parents that were held out and what the model makes of "
             "them; the dot is the best state, which is kept"
         )
         self.weight.setToolTip("The annealer raises the weight of the distribution item from 0 to 1")

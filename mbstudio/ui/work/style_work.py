@@ -198,7 +198,9 @@ class StyleWork(Work):
         def train(parents: Serialization) -> StyleTraining:
             from mbstudio.core.vae.training import StyleTraining
 
-            given = {} if asked.steps is None or asked.preset == "pca" else {"steps": asked.steps}
+            given: dict[str, Any] = (
+                {} if asked.steps is None or asked.preset == "pca" else {"steps": asked.steps}
+            )
             return StyleTraining(parents, asked.preset, seed=asked.seed, **given)
 
         known = self._serialized
