@@ -128,7 +128,7 @@ class StyleLink(QObject):
                 scene.set_gallery(None)
                 self._window.link.arrange()
             return
-        if self._window.station != "style":
+        if not self._window.link.shows_tray:
             return
         grains, scan = self._space.state.grains, self._space.scan
         unit = grains.unit if grains is not None else scan.unit if scan is not None else clones.clones.unit
@@ -138,8 +138,9 @@ class StyleLink(QObject):
             return
         self._laid_out = wanted
         rows = range(first, min(first + PAGE, len(clones)))
-        view = self._window.viewport
-        aspect = max(0.4, view.width() / max(1, view.height()))
+        # Not of the view itself, which may not have been shown yet.
+        room = self._window.view_room
+        aspect = max(0.4, room.width() / max(1, room.height()))
         scale = conversion_factor(clones.clones.unit, unit)
         few = len(rows) <= 30
         task = Task(

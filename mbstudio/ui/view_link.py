@@ -334,6 +334,12 @@ class ViewLink(QObject):
             lambda: fits is self.workspace.state.fits,
         )
 
+    @property
+    def shows_tray(self) -> bool:
+        """Whether clones are looked at: at station Style, and everywhere if there is nothing else."""
+        bare = self.workspace.state.grains is None and self.workspace.scan is None
+        return self.station == "style" or bare
+
     def arrange(self) -> None:
         """Show what belongs to the station, after something was put into the scene."""
         self._arrange()
@@ -344,7 +350,7 @@ class ViewLink(QObject):
         """Show the layers of the station; where they are empty, what comes before them."""
         state, layers = self.workspace.state, set(self._layers[self.station])
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
-        tray = self.station == "style" and self.scene.gallery.holds_something
+        tray = self.shows_tray and self.scene.gallery.holds_something
         if self.station == "style" and not tray:
             layers = set(whole)
         elif self.station in ("grains", "populations") and state.grains is None:

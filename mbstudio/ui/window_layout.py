@@ -166,6 +166,11 @@ class WindowLayout(QMainWindow):
         layout.addWidget(close)
         return bar
 
+    @property
+    def view_room(self) -> QSize:
+        """Size of the place where the view is or will be."""
+        return self._pages.size()
+
     def _make_centre(self) -> None:
         self.welcome = Welcome()
         self._pages = QStackedWidget()
@@ -240,7 +245,7 @@ class WindowLayout(QMainWindow):
         self.plots_dock.setVisible(self.station == "populations")
         self.style_dock.setVisible(self.station == "style")
         if self.station == "style":
-            self.resizeDocks([self.style_dock], [270], Qt.Orientation.Vertical)
+            self.resizeDocks([self.style_dock], [282], Qt.Orientation.Vertical)
         for dock in (self.sweep_dock, self.plots_dock):
             if dock.isVisible() and dock not in self._sized:
                 self._sized.append(dock)

@@ -18,7 +18,8 @@ from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.workspace import Workspace
 
 _ROWS = tuple(
-    (name.symbol or name.title, name.title) for name in (FACTOR_NAMES[factor] for factor in FACTORS)
+    (name.symbol if name.power else name.title, name.title)
+    for name in (FACTOR_NAMES[factor] for factor in FACTORS)
 )
 
 

@@ -61,7 +61,7 @@ class QualityTable(QFrame):
         self.table.setShowGrid(False)
         self.table.setAlternatingRowColors(True)
         self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(25)
+        self.table.verticalHeader().setDefaultSectionSize(24)
         header = self.table.horizontalHeader()
         header.setHighlightSections(False)
         header.setSectionsClickable(False)
@@ -72,7 +72,7 @@ class QualityTable(QFrame):
         self.words.setContentsMargins(14, 6, 14, 6)
         self._facts = {title: label("", "hint") for title, _ in _FACTS}
         line = QHBoxLayout()
-        line.setContentsMargins(14, 5, 14, 6)
+        line.setContentsMargins(14, 4, 14, 5)
         line.setSpacing(22)
         for title, tip in _FACTS:
             self._facts[title].setToolTip(tip)

@@ -76,8 +76,7 @@ class TrainingCurve(Plot):
         self._empty = empty
         self._steps = np.zeros(0)
         self._values = np.zeros((len(titles), 0))
-        self._legend = self.addLegend(offset=(-6, 4), labelTextSize="11px") if len(titles) > 1 else None
-        self._lines = [self.plot([], [], name=title) for title in titles]
+        self._lines = [self.plot([], []) for _ in titles]
         self._best = pg.ScatterPlotItem(size=9)
         self.addItem(self._best)
         self._words = pg.TextItem(anchor=(0.5, 0.5))
@@ -92,16 +91,19 @@ class TrainingCurve(Plot):
         if not hasattr(self, "_words"):
             return
         tokens, scene = self._theme.tokens, self._theme.scene
-        for line, colour in zip(self._lines, (tokens.accent, scene.grain), strict=False):
+        colours = (tokens.accent, scene.grain)
+        for line, colour in zip(self._lines, colours, strict=False):
             line.setPen(pg.mkPen(colour, width=2))
+            line.setSymbolPen(None)
+            line.setSymbolBrush(pg.mkBrush(colour))
+        words = [
+            f'<span style="color:{colour}">●</span> <span style="color:{tokens.muted}">{title}</span>'
+            for colour, title in zip(colours, self._titles, strict=False)
+        ]
+        self.setTitle(" &nbsp; ".join(words), size="11px")
         self._best.setPen(pg.mkPen(tokens.surface, width=1.5))
         self._best.setBrush(pg.mkBrush(tokens.success))
         self._words.setColor(QColor(tokens.muted))
-        if self._legend is not None:
-            self._legend.setLabelTextColor(tokens.text)
-            self._legend.setBrush(pg.mkBrush(tokens.surface))
-            for _, text in self._legend.items:
-                text.setText(text.text)
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -158,14 +160,14 @@ class TrainingPlots(QFrame):
         self.setAccessibleName("Curves of the training")
         self._records: list[TrainingStep] = []
         self.items = TrainingCurve(
-            theme, "Items of the loss", "Items of the loss", ("Reconstruction", "Distribution"), log=True
+            theme, "", "Items of the loss", ("Reconstruction", "Distribution"), log=True
         )
         self.error = TrainingCurve(
-            theme, "Error (% of Dₙ)", "Error of the parents held out", ("Held-out error",), log=True,
+            theme, "% of Dₙ", "Error of the parents held out", ("Held-out error",), log=True,
             empty=EMPTY,
         )  # fmt: skip
         self.weight = TrainingCurve(
-            theme, "Annealer weight", "Weight of the distribution item", ("Weight",), log=False
+            theme, "", "Weight of the distribution item", ("Annealer weight",), log=False
         )
         self.items.setToolTip(
             "What is minimised, mean over the steps of a record: how well parents are reproduced (in preset "

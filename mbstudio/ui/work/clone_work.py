@@ -115,6 +115,9 @@ class CloneWork(Work):
             return None
 
         def work(control: Control) -> Generation:
+            # What station Populations compares with takes a second to load: not in the main thread.
+            import scipy.stats  # noqa: F401
+
             from mbstudio.core.vae.generator import generate
 
             control.report(0.0, "Drawing candidates")
