@@ -142,12 +142,13 @@ class StyleLink(QObject):
         room = self._window.view_room
         aspect = max(0.4, room.width() / max(1, room.height()))
         scale = conversion_factor(clones.clones.unit, unit)
-        few = len(rows) <= 30
+        # Software draws every triangle on the processor, in the main thread.
+        cells = (36 if len(rows) <= 30 else 24) if self._window.viewport.kind == "OpenGL" else 20
         task = Task(
             "Drawing the clones",
             lambda control: tray_surface(
                 [clones.clones.avatar(i) for i in rows], first + 1, aspect=aspect, scale=scale,
-                cells=36 if few else 24,
+                cells=cells,
             ),
         )  # fmt: skip
 

@@ -77,18 +77,11 @@ def test_nothing_is_pickled(tmp_path, learner, clones):
     path = tmp_path / "sand.mbs"
     write_project(path, ProjectState(style=learner, clones=clones))
     with h5py.File(path) as file:
-        kinds = []
-        file.visititems(lambda _, item: kinds.append(item.dtype.kind) if hasattr(item, "dtype") else None)
-        assert set(kinds) <= set("bifuO")
-        texts = []
-        file.visititems(
-            lambda name, item: (
-                texts.append(h5py.check_string_dtype(item.dtype))
-                if getattr(item, "dtype", None) == object
-                else None
-            )
-        )
-        assert all(texts)
+        found = []
+        file.visititems(lambda _, item: found.append(item))
+        kinds = [item.dtype for item in found if isinstance(item, h5py.Dataset)]
+    assert len(kinds) > 10
+    assert all(kind.kind in "bifu" or h5py.check_string_dtype(kind) for kind in kinds)
 
 
 @pytest.mark.parametrize(
