@@ -176,6 +176,16 @@ class TrayCamera:
         self._scene = scene
         self._looked_at = 0
         self._before: tuple[Any, ...] | None = None
+        self._placed: tuple[Any, ...] | None = None
+
+    def refit(self) -> bool:
+        """Fit the tray into a picture of another size, if nobody has turned it; return whether it was."""
+        renderer = self._scene.plotter.renderer
+        if not self._looked_at or camera.stand(renderer) != self._placed:
+            return False
+        self._scene.fit()
+        self._placed = camera.stand(renderer)
+        return True
 
     def follow(self, shown: bool, turned: bool) -> bool:
         """Move the camera if the tray was shown, changed or hidden; return whether it is there.
@@ -196,6 +206,7 @@ class TrayCamera:
             self._before = None
         if serial and serial != self._looked_at:
             self._scene.look_from("top")
+            self._placed = camera.stand(renderer)
         self._looked_at = serial
         if went and self._before is not None:
             camera.return_to(renderer, self._before)

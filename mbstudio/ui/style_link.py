@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QEvent, QObject, QTimer
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.units import conversion_factor
@@ -51,6 +51,7 @@ class StyleLink(QObject):
             signal.connect(self._share)
             signal.connect(self._lay_out)
         window.viewport.clicked.connect(self._clicked)
+        window.viewport.installEventFilter(self)
         for work in (self._styles, self._clones):
             work.said.connect(window.messages.say)
             work.changed.connect(window.refresh)
@@ -61,6 +62,12 @@ class StyleLink(QObject):
         self._lay_out()
         if self._window.queue.running() is None:
             self._clones.assess()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize:
+            # Once the view has taken its new size.
+            QTimer.singleShot(0, self, self._window.link.refit_tray)
+        return super().eventFilter(watched, event)
 
     # ---- in step ---------------------------------------------------------------------------------
 

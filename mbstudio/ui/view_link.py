@@ -340,6 +340,11 @@ class ViewLink(QObject):
         bare = self.workspace.state.grains is None and self.workspace.scan is None
         return self.station == "style" or bare
 
+    def refit_tray(self) -> None:
+        """Fit the clones into a view that has another size now."""
+        if self._tray.refit():
+            self._draw()
+
     def arrange(self) -> None:
         """Show what belongs to the station, after something was put into the scene."""
         self._arrange()

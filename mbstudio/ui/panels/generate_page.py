@@ -192,7 +192,7 @@ class GeneratePage(QWidget):
             ours.append(_text(scale * float(value)))
             theirs.append("" if assessed is None else _text(scale * float(np.nanmean(shown[1].column(name)))))
             units.append(FACTOR_NAMES[name].unit(unit))
-        heads = ["Mean" if chosen is None else f"Clone {chosen}", "Parents (mean)"]
+        heads = ["Mean" if chosen is None else f"Clone {chosen}", "Parents"]
         columns = [ours, theirs]
         some = 2 if assessed is not None else 1
         self.factors.fill(heads[:some], columns[:some], units)

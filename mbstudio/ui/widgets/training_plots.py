@@ -144,7 +144,7 @@ class TrainingCurve(Plot):
         low, high = (float(there.min()), float(there.max())) if len(there) else (0.0, 1.0)
         room = max(0.08 * (high - low), 0.04)
         if not self._log:
-            low, high, room = 0.0, max(1.0, high), 0.04
+            low, high, room = 0.0, max(1.0, high), 0.07
         self.setYRange(low - room, high + room, padding=0)
         self.setXRange(0, max(1.0, float(self._steps[-1]) if len(self._steps) else 1.0) * 1.03, padding=0.01)
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Source = Literal["inside", "chosen", "avatars", "folder"]
 FEW_FOR_NETWORKS = 50
+_MANY = 16  # bodies for which starting processes pays
 _SAME_SIZE = 0.05  # voxels and the smoothed surface differ by less in D_n
 
 
@@ -346,7 +347,7 @@ def _serialized(
         warnings.simplefilter("always", SerializationWarning)
         found = serialize(
             bodies, n, template=template, unit=parents.unit, names=names, seed=seed,
-            processes=usable_cores(), on_progress=control.progress,
+            processes=usable_cores() if len(bodies) >= _MANY else 1, on_progress=control.progress,
         )  # fmt: skip
     words = tuple(str(entry.message) for entry in told if issubclass(entry.category, SerializationWarning))
     return _Serialized(key, state, found, words)
