@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from mbstudio.core.vae import generator
 from mbstudio.core.vae.training import learn
 from mbstudio.scene import generation_report
 from mbstudio.ui.work.style_work import _Serialized
@@ -175,9 +176,9 @@ def test_errors_say_what_to_do(window, page, idle, tmp_path, learner):
 
 
 def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
-    monkeypatch.setattr(
-        generation_report, "_figures", lambda *_: []
-    )  # ten seconds, tested where they are made
+    # Ten seconds of figures and as many of candidates, both tested where they are made.
+    monkeypatch.setattr(generation_report, "_figures", lambda *_: [])
+    monkeypatch.setattr(generator, "_SPARE", 8)
     window.enter("style")
     window.workspace.use_style(learner)
     generate, dock = window.panels_style.generate, window.style_page

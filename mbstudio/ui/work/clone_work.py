@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.quality import Quality
     from mbstudio.core.vae.style_learner import StyleLearner
 
+_MANY = 40  # bodies for which starting processes pays
+
 
 @dataclass(frozen=True, eq=False)
 class Assessed:
@@ -122,7 +124,7 @@ class CloneWork(Work):
 
             control.report(0.0, "Drawing candidates")
             return generate(
-                learner, count, seed, targets=list(where) or None, processes=usable_cores(),
+                learner, count, seed, targets=list(where) or None, processes=_processes(count),
                 on_progress=control.progress,
             )  # fmt: skip
 
@@ -215,7 +217,8 @@ class CloneWork(Work):
         if known is not None and known[0] is learner:
             parents = known[1]
         else:
-            bodies, processes = learner.parents.avatars(), usable_cores()
+            bodies = learner.parents.avatars()
+            processes = _processes(len(bodies))
             parents = measure_population(
                 bodies, range(1, len(bodies) + 1), name="parents", kind="avatars",
                 workers=0 if processes == 1 else processes,
@@ -249,3 +252,7 @@ class CloneWork(Work):
             return [clones.in_unit(grains.unit)]
         assessed: Any = self.assessed
         return [clones] if assessed is None else [assessed.parents, clones]
+
+
+def _processes(bodies: int) -> int:
+    return usable_cores() if bodies >= _MANY else 1
