@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QS
 from mbstudio.core.units import unit_label
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.widgets.task_strip import readable_time
-from mbstudio.ui.work.style_work import FEW_FOR_NETWORKS, Asked, Parents, Source, StyleWork
+from mbstudio.ui.work.style_work import FEW_FOR_NETWORKS, Asked, Parents, Source, StyleWork, percent
 from mbstudio.ui.workspace import Workspace
 
 FEWEST = 5
@@ -289,7 +289,7 @@ class LearnPage(QWidget):
         unit = unit_label(card.unit)
         self._card_name.setText(f"{title} of {card.count} parents")
         errors = [
-            f"{words} {100 * value:.2f} %"
+            f"{words} {percent(value)}"
             for words, value in (
                 ("Held-out error", card.held_out_rms), ("of those seen", card.trained_rms),
                 ("avatars of their grains", card.parents_rms),

@@ -63,7 +63,7 @@ class CloneTable(QTableWidget):
         for place, factor in enumerate(FACTORS, 1):
             scale, unit = (1.0, "um") if clones is None else readable_scale([clones], factor)
             name = FACTOR_NAMES[factor]
-            words = name.symbol if name.power or factor == "csf" else name.title
+            words = name.symbol if name.power or factor in ("csf", "dns") else name.title
             heads.append(f"{words} [{name.unit(unit)}]" if clones is not None and name.unit(unit) else words)
             for row, value in enumerate([] if clones is None else clones.column(factor)):
                 self.setItem(row, place, _number(scale * float(value)))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.training_step import TrainingStep
 
 EMPTY = "Curves are drawn here\nwhile a style is learned"
+AT_ONCE = "Principal components are found\nat once: there is no training"
 
 
 def signed_log(values: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
@@ -73,7 +74,7 @@ class TrainingCurve(Plot):
         for side in ("bottom", "left"):
             self.getAxis(side).enableAutoSIPrefix(False)
         self.setMouseEnabled(x=False, y=False)
-        self._empty = empty
+        self.empty = empty
         self._steps = np.zeros(0)
         self._values = np.zeros((len(titles), 0))
         self._lines = [self.plot([], []) for _ in titles]
@@ -129,7 +130,7 @@ class TrainingCurve(Plot):
         self._best.setData([], [])
         if best is not None and np.isfinite(heights[0][best]):
             self._best.setData([steps[best]], [heights[0][best]])
-        self._words.setText("" if len(known) else self._empty)
+        self._words.setText("" if len(known) else self.empty)
         self._fit(np.concatenate(heights) if len(heights) else np.zeros(0))
         self._place_words()
 
@@ -202,7 +203,10 @@ class TrainingPlots(QFrame):
         self._draw()
 
     def _draw(self) -> None:
-        records = self._records
+        # What is found at once has one record and no curve; its errors stand on the card.
+        at_once = len(self._records) == 1 and not self._records[0].steps
+        records = [] if at_once else self._records
+        self.error.empty = AT_ONCE if at_once else EMPTY
         steps = np.array([record.step for record in records], dtype=float)
         table = np.array(
             [(r.reconstruction, r.distribution, 100 * r.held_out, r.weight) for r in records], dtype=float

@@ -278,9 +278,9 @@ class StyleWork(Work):
         self._learning = None
         self.workspace.use_style(last.learner, title)
         notes = [*told, *[step.note for step in self.records if step.note]]
-        error = "" if card.held_out_rms != card.held_out_rms else (
-            f" Parents that it did not see are reproduced to {100 * card.held_out_rms:.2f} % of D_n."
-        )  # fmt: skip
+        error = ""
+        if np.isfinite(card.held_out_rms):
+            error = f" Parents not seen are reproduced to {percent(card.held_out_rms)} of D_n."
         self.said.emit(
             "warning" if notes else "success",
             " ".join((f"The style of {card.count} parents is learned.{error}", *notes)),
@@ -318,6 +318,11 @@ class StyleWork(Work):
         self.records, self._serialized, self._learning = [], None, None
         self.began.emit()
         self.changed.emit()
+
+
+def percent(share: float) -> str:
+    """Return an error in percent; what is nothing but rounding is not called zero."""
+    return f"{100 * share:.2f} %" if share >= 5e-5 else "less than 0.01 %"
 
 
 def _name(label: int) -> str:
