@@ -16,8 +16,6 @@ from mbstudio.cli.measure import GrainsOption, LimitOption, chosen_grains
 from mbstudio.core.errors import MbstudioError, SerializationError, StyleError
 
 if TYPE_CHECKING:
-    import trimesh
-
     from mbstudio.core.vae import Serialization, StyleLearner, Template
     from mbstudio.core.vae.training import StyleTraining
 
@@ -117,6 +115,7 @@ def _parents(
     unit: str | None, workers: int, template: Template | None,
 ) -> Serialization:  # fmt: skip
     """Return the serialized parents of whatever was given."""
+    from mbstudio.core.vae.mesh_folder import read_mesh
     from mbstudio.core.vae.serialization_file import load_serialization
     from mbstudio.core.vae.serializer import serialize
 
@@ -134,7 +133,7 @@ def _parents(
             raise MbstudioError(
                 f"{source} holds no meshes (.stl, .ply, .obj, .off): give a project or another folder."
             )
-        bodies, names = [_mesh(path) for path in meshes], [path.stem for path in meshes]
+        bodies, names = [read_mesh(path) for path in meshes], [path.stem for path in meshes]
     else:
         project, labels = chosen_grains(source, grains, limit)
         if from_avatars:
@@ -161,17 +160,6 @@ def _parents(
         if entry.category.__module__.startswith("mbstudio"):
             console.tell(f"mbstudio: {entry.message}")
     return found
-
-
-def _mesh(path: Path) -> trimesh.Trimesh:
-    import trimesh
-
-    try:
-        return trimesh.load(path, force="mesh")  # type: ignore[return-value]
-    except (ValueError, IndexError, KeyError, TypeError) as error:  # trimesh's readers let these through
-        raise SerializationError(
-            f"{path} cannot be read as a mesh ({error}): export it again, or move it away."
-        ) from error
 
 
 def _trained(training: StyleTraining) -> tuple[StyleLearner, bool]:

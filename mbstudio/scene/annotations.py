@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
+from typing import Any
 
 import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkPoints
@@ -11,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkTextActor
 
 from mbstudio.core.units import METRES_PER_UNIT, unit_label
-from mbstudio.scene.theme import rgb
+from mbstudio.scene.theme import SceneTheme, rgb
 
 
 def round_length(length: float) -> float:
@@ -122,3 +123,16 @@ class ScaleBar:
         self._renderer.RemoveObserver(self._observer)
         for actor in (self._line, self._text):
             self._renderer.RemoveViewProp(actor)
+
+
+def colour_axes(renderer: Any, theme: SceneTheme) -> None:
+    """Give the axes in the corner the theme's colours."""
+    axes = getattr(renderer, "axes_actor", None)
+    if axes is None:
+        return
+    ink = tuple(channel / 255 for channel in rgb(theme.ink))
+    for name, colour in zip("XYZ", theme.axes, strict=True):
+        share = tuple(channel / 255 for channel in rgb(colour))
+        for part in ("Shaft", "Tip"):
+            getattr(axes, f"Get{name}Axis{part}Property")().SetColor(*share)
+        getattr(axes, f"Get{name}AxisCaptionActor2D")().GetCaptionTextProperty().SetColor(*ink)

@@ -31,6 +31,25 @@ def turn(renderer: Any, view: View) -> None:
     camera.SetViewUp(*up)
 
 
+def stand(renderer: Any) -> tuple[Any, ...]:
+    """Return where the camera stands, for :func:`return_to`."""
+    camera = renderer.GetActiveCamera()
+    return (
+        camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp(), camera.GetParallelScale(),
+    )  # fmt: skip
+
+
+def return_to(renderer: Any, place: tuple[Any, ...]) -> None:
+    """Put the camera back to where it stood."""
+    camera = renderer.GetActiveCamera()
+    position, focal_point, up, scale = place
+    camera.SetPosition(*position)
+    camera.SetFocalPoint(*focal_point)
+    camera.SetViewUp(*up)
+    camera.SetParallelScale(scale)
+    renderer.ResetCameraClippingRange()
+
+
 def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:
     """Bring points into the picture without turning.
 

@@ -16,8 +16,9 @@ from jaxtyping import UInt8
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from mbstudio.scene import camera
-from mbstudio.scene.annotations import ScaleBar
+from mbstudio.scene.annotations import ScaleBar, colour_axes
 from mbstudio.scene.camera import VIEWS, View
+from mbstudio.scene.gallery import Gallery
 from mbstudio.scene.slices import SlicePlanes
 from mbstudio.scene.surfaces import LABEL_ARRAY, Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme, label_colours, rgb
@@ -62,6 +63,7 @@ class Scene:
         # Not asked of the mapper: before the first rendering it may answer with an empty mesh.
         self._overviews: dict[Layer, pv.PolyData] = {}
         self._renderer: Any = plotter.renderer
+        self.gallery = Gallery(self.plotter, theme)
         plotter.renderer.camera.SetParallelProjection(True)
         # Else the first rendering turns the camera to pyvista's own preset.
         plotter.renderer.camera_set = True
@@ -164,6 +166,13 @@ class Scene:
         for layer in LAYERS:
             self._remove(layer)
         self.set_others(None)
+        self.gallery.show(None)
+
+    def set_gallery(self, surface: Surface | None, unit: str | None = None) -> None:
+        """Lay bodies out next to each other (:func:`~mbstudio.scene.gallery.tray_surface`)."""
+        self._set_unit(unit)
+        self.gallery.show(surface)
+        self._apply_visibility()
 
     # ---- how it is shown ----------------------------------------------------------------
 
@@ -180,6 +189,11 @@ class Scene:
     def is_shown(self, layer: Layer) -> bool:
         """Return whether a layer is to be seen (it may hold nothing yet)."""
         return self._visible[layer]
+
+    def show_gallery(self, shown: bool) -> None:
+        """Show or hide the bodies that are laid out."""
+        self.gallery.set_visible(shown)
+        self._apply_visibility()
 
     def set_opacity(self, layer: Layer, opacity: float) -> None:
         """Make a surface see-through: 0 not to be seen, 1 solid."""
@@ -208,7 +222,8 @@ class Scene:
             self._others.prop.color = theme.grain
         for layer in LABELLED:
             self._colour_labels(layer)
-        self._colour_axes()
+        self.gallery.recolour(theme)
+        colour_axes(self._renderer, theme)
 
     def flatten(self, layer: Layer, colour: str, background: str) -> None:
         """Show one layer alone in one flat colour: its silhouette, for measuring pictures."""
@@ -242,7 +257,8 @@ class Scene:
 
     def points(self) -> np.ndarray | None:
         """Return points, shape (m, 3), that span all that is shown, or None."""
-        found = []
+        tray = self.gallery.points()
+        found = [] if tray is None else [tray]
         if self._box is not None and self._box.GetVisibility():
             found.append(np.asarray(self._box.mapper.dataset.points))
         else:
@@ -366,17 +382,6 @@ class Scene:
         if self._box is not None:
             self._box.SetVisibility(any(self._visible[layer] for layer in ("slices", "volume", "grains")))
         self._bar.set_visible(self.points() is not None)
-
-    def _colour_axes(self) -> None:
-        axes = getattr(self._renderer, "axes_actor", None)
-        if axes is None:
-            return
-        ink = tuple(channel / 255 for channel in rgb(self.theme.ink))
-        for name, colour in zip("XYZ", self.theme.axes, strict=True):
-            share = tuple(channel / 255 for channel in rgb(colour))
-            for part in ("Shaft", "Tip"):
-                getattr(axes, f"Get{name}Axis{part}Property")().SetColor(*share)
-            getattr(axes, f"Get{name}AxisCaptionActor2D")().GetCaptionTextProperty().SetColor(*ink)
 
     def close(self) -> None:
         """Let go of the plotter's objects; the plotter itself is closed by its owner."""

@@ -34,20 +34,20 @@ class FileActions(QObject):
         """Let the person choose a scan file."""
         kinds = " ".join(f"*{suffix}" for suffix in SCAN_SUFFIXES)
         name, _ = QFileDialog.getOpenFileName(
-            self._window, "Open scan", self._folder(), f"CT scans ({kinds});;All files (*)"
+            self._window, "Open scan", self.folder(), f"CT scans ({kinds});;All files (*)"
         )
         if name:
             self.open_path(Path(name))
 
     def ask_scan_folder(self) -> None:
         """Let the person choose a folder of slices."""
-        name = QFileDialog.getExistingDirectory(self._window, "Open folder of slices", self._folder())
+        name = QFileDialog.getExistingDirectory(self._window, "Open folder of slices", self.folder())
         if name:
             self.open_path(Path(name))
 
     def ask_project(self) -> None:
         """Let the person choose a project file."""
-        name, _ = QFileDialog.getOpenFileName(self._window, "Open project", self._folder(), PROJECT_FILTER)
+        name, _ = QFileDialog.getOpenFileName(self._window, "Open project", self.folder(), PROJECT_FILTER)
         if name:
             self.open_path(Path(name))
 
@@ -77,7 +77,7 @@ class FileActions(QObject):
     def save_as(self, after: Any = None) -> None:
         """Ask for a file and save to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save project", self._folder("sand.mbs"), PROJECT_FILTER
+            self._window, "Save project", self.folder("sand.mbs"), PROJECT_FILTER
         )
         if name:
             path = Path(name)
@@ -86,7 +86,7 @@ class FileActions(QObject):
     def ask_screenshot(self) -> None:
         """Ask for a file and save the view to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save picture", self._folder("view.png"), "PNG picture (*.png)"
+            self._window, "Save picture", self.folder("view.png"), "PNG picture (*.png)"
         )
         if name:
             self.save_screenshot(Path(name))
@@ -109,7 +109,7 @@ class FileActions(QObject):
         name, _ = QFileDialog.getSaveFileName(
             self._window,
             "Write report",
-            self._folder(f"{path.stem}.html" if path else "report.html"),
+            self.folder(f"{path.stem}.html" if path else "report.html"),
             "HTML page (*.html)",
         )
         if name:
@@ -121,7 +121,7 @@ class FileActions(QObject):
         name, kind = QFileDialog.getSaveFileName(
             self._window,
             "Save figure",
-            self._folder(f"{self._window.plots.page_name}.svg"),
+            self.folder(f"{self._window.plots.page_name}.svg"),
             "SVG drawing (*.svg);;PNG picture (*.png);;PDF (*.pdf)",
         )
         if name:
@@ -141,7 +141,7 @@ class FileActions(QObject):
         name, _ = QFileDialog.getOpenFileName(
             self._window,
             "Load labels",
-            self._folder(),
+            self.folder(),
             "Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha);;All files (*)",
         )
         if name:
@@ -149,7 +149,7 @@ class FileActions(QObject):
 
     def ask_export_folder(self) -> None:
         """Let the person choose where DEM files go."""
-        name = QFileDialog.getExistingDirectory(self._window, "Folder for the DEM files", self._folder())
+        name = QFileDialog.getExistingDirectory(self._window, "Folder for the DEM files", self.folder())
         if name:
             self._window.panels_export.folder.setText(name)
 
@@ -165,7 +165,7 @@ class FileActions(QObject):
         if not (
             self._window.ask_before_closing
             and self._window.workspace.is_modified
-            and self._window.workspace.state.scan is not None
+            and self._window.workspace.can_be_saved
         ):
             then()
             return
@@ -185,7 +185,8 @@ class FileActions(QObject):
         elif answer == buttons.Discard:
             then()
 
-    def _folder(self, name: str = "") -> str:
+    def folder(self, name: str = "") -> str:
+        """Return where a dialog begins: a file of this name in the project's folder."""
         project = self._window.workspace.project.path
         recent = self._window.workspace.recent
         folder = project.parent if project else (recent[0].parent if recent else Path.home())

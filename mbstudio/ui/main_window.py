@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 
-from PySide6.QtCore import QSettings, Qt
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import (
-    QLabel,
-)
+from PySide6.QtCore import QSettings
+from PySide6.QtGui import QCloseEvent
+from PySide6.QtWidgets import QLabel
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import LAYERS
@@ -17,6 +14,7 @@ from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.population_link import PopulationLink
+from mbstudio.ui.style_link import StyleLink
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_link import STATION_LAYERS, ViewLink
 from mbstudio.ui.viewport import make_viewport
@@ -25,12 +23,14 @@ from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.task_strip import TaskStrip
 from mbstudio.ui.window_commands import window_commands
 from mbstudio.ui.window_layout import WindowLayout
+from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.work.export_work import ExportWork
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.grain_work import GrainWork
 from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.work.project_work import ProjectWork
 from mbstudio.ui.work.scan_work import ScanWork
+from mbstudio.ui.work.style_work import StyleWork
 from mbstudio.ui.work.sweep_work import SweepWork
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -61,6 +61,8 @@ class MainWindow(WindowLayout):
         self.fits = FitWork(self.workspace, self.queue, self)
         self.populations = PopulationWork(self.workspace, self.queue, self)
         self.sweeps = SweepWork(self.workspace, self.queue, self)
+        self.styles = StyleWork(self.workspace, self.queue, self)
+        self.clones = CloneWork(self.workspace, self.queue, self)
         self.exports = ExportWork(self.workspace, self.queue, self)
         self.projects = ProjectWork(self.workspace, self.queue, self)
         self.messages = MessageBar(self.icons)
@@ -76,6 +78,7 @@ class MainWindow(WindowLayout):
         self._make_panels()
         self._make_docks()
         self.brushing = PopulationLink(self)
+        self.style_link = StyleLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()
@@ -151,7 +154,8 @@ class MainWindow(WindowLayout):
     @property
     def has_view(self) -> bool:
         """Whether there is something in the 3-D view."""
-        return self.workspace.scan is not None or self.workspace.state.grains is not None
+        state = self.workspace.state
+        return self.workspace.scan is not None or state.grains is not None or state.clones is not None
 
     @property
     def may_find_grains(self) -> bool:
@@ -220,10 +224,13 @@ class MainWindow(WindowLayout):
     def export(self) -> None:
         """Export as the panel says."""
         panel = self.panels_export
-        folder = panel.folder_path
+        folder, clones = panel.folder_path, panel.clones()
         if folder is not None:
             self.enter("export")
-            self.exports.export(panel.labels(), panel.target_name, folder, **panel.given())
+            if clones is not None:
+                self.exports.export_clones(clones, panel.target_name, folder, **panel.given())
+            else:
+                self.exports.export(panel.labels(), panel.target_name, folder, **panel.given())
 
     def undo(self) -> None:
         """Take the last change back."""
@@ -258,6 +265,8 @@ class MainWindow(WindowLayout):
         self._show_docks()
         if station == "populations":
             self.brushing.entered()
+        if station == "style":
+            self.style_link.entered()
         for layer in LAYERS:
             self.commands.action(f"layer.{layer}").setVisible(layer in STATION_LAYERS[station])
         self.panels_fit.points.setChecked(self.link.is_shown("points"))
@@ -274,6 +283,10 @@ class MainWindow(WindowLayout):
     def show_plots(self, shown: bool) -> None:
         """Show or hide the plots of populations."""
         self.plots_dock.setVisible(shown)
+
+    def show_style_page(self, shown: bool) -> None:
+        """Show or hide curves, clones and quality at station Style."""
+        self.style_dock.setVisible(shown)
 
     def show_sweep(self, shown: bool) -> None:
         """Show or hide the sweep over n, which takes the curve's room."""
@@ -369,26 +382,3 @@ class MainWindow(WindowLayout):
     def _close_without_asking(self) -> None:
         self.ask_before_closing = False
         self.close()
-
-    def _restore_layout(self) -> None:
-        self._first_layout = self.saveState()
-        geometry = self.settings.value("geometry")
-        if geometry is None or not self.restoreGeometry(geometry):
-            room = self.screen().availableGeometry()
-            self.resize(min(1440, room.width()), min(900, room.height()))
-        self.resizeDocks([self.table_dock], [230], Qt.Orientation.Vertical)
-        self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
-
-    # ---- drag and drop ---------------------------------------------------------------------------
-
-    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        if event.mimeData().hasUrls():
-            event.acceptProposedAction()
-
-    def dropEvent(self, event: QDropEvent) -> None:
-        paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
-        event.acceptProposedAction()
-        if len(paths) != 1:
-            self.messages.say("warning", "Drop one file or one folder of slices at a time.")
-        else:
-            self.files.open_path(paths[0])

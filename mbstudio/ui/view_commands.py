@@ -16,7 +16,8 @@ STATIONS = (
     ("grains", "Grains", "ph.polygon", "Find the grains (Ctrl+2)"),
     ("fit", "Fit", "ph.circles-three", "Fit avatars (Ctrl+3)"),
     ("populations", "Populations", "ph.chart-bar", "Compare grains and avatars (Ctrl+4)"),
-    ("export", "Export", "ph.export", "Write DEM files (Ctrl+5)"),
+    ("style", "Style", "ph.paint-brush", "Learn the form of grains, generate new ones (Ctrl+5)"),
+    ("export", "Export", "ph.export", "Write DEM files (Ctrl+6)"),
 )
 
 _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
@@ -118,6 +119,17 @@ def view_commands(window: MainWindow) -> list[Command]:
             "Show or hide the plots at station Populations",
             lambda: window.station == "populations",
             checked=lambda: not window.plots_dock.isHidden(),
+        ),
+        Command(
+            "panel.style",
+            "Curves and clones",
+            window.show_style_page,
+            "View",
+            "",
+            "ph.chart-line-up",
+            "Show or hide curves, clones and quality at station Style",
+            lambda: window.station == "style",
+            checked=lambda: not window.style_dock.isHidden(),
         ),
         Command("panel.reset", "Reset layout", window.reset_layout, "View", "", "", "Put the panels back"),
     ]

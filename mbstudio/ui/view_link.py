@@ -12,6 +12,7 @@ from PySide6.QtGui import QGuiApplication
 from mbstudio.core.imaging import FitResult
 from mbstudio.core.metrics import ShapeFactors, measure
 from mbstudio.scene import Layer, Scene, View
+from mbstudio.scene.gallery import TrayCamera
 from mbstudio.scene.surfaces import (
     Surface,
     avatar_surface,
@@ -33,6 +34,7 @@ STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
     "grains": ("slices", "volume", "grains"),
     "fit": ("slices", "grain", "avatar", "points"),
     "populations": ("slices", "grains", "avatars"),
+    "style": (),
     "export": ("slices", "grains", "avatars"),
 }
 # Longest side in voxels of overview and volume: what software renders in a fraction of a second.
@@ -84,11 +86,13 @@ class ViewLink(QObject):
             "grains": {"grains"},
             "fit": {"grain", "avatar"},
             "populations": {"grains"},
+            "style": set(),
             "export": {"avatars"},
         }
         self._factors: dict[int, ShapeFactors] = {}
         self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
+        self._tray = TrayCamera(self.scene)
         self._shown_grain: int | None = None
         workspace.scan_changed.connect(self._scan_changed)
         workspace.grains_changed.connect(self._grains_changed)
@@ -330,27 +334,47 @@ class ViewLink(QObject):
             lambda: fits is self.workspace.state.fits,
         )
 
+    @property
+    def shows_tray(self) -> bool:
+        """Whether clones are looked at: at station Style, and everywhere if there is nothing else."""
+        bare = self.workspace.state.grains is None and self.workspace.scan is None
+        return self.station == "style" or bare
+
+    def refit_tray(self) -> None:
+        """Fit the clones into a view that has another size now."""
+        if self._tray.refit():
+            self._draw()
+
+    def arrange(self) -> None:
+        """Show what belongs to the station, after something was put into the scene."""
+        self._arrange()
+
     # ---- arranging -------------------------------------------------------------------------------
 
     def _arrange(self, view: View | None = None) -> None:
         """Show the layers of the station; where they are empty, what comes before them."""
         state, layers = self.workspace.state, set(self._layers[self.station])
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
-        if self.station in ("grains", "populations") and state.grains is None:
+        tray = self.shows_tray and self.scene.gallery.holds_something
+        if self.station == "style" and not tray:
+            layers = set(whole)
+        elif self.station in ("grains", "populations") and state.grains is None:
             layers |= {"slices"}
         elif (self.station == "fit" and self.workspace.selected is None) or (
             self.station == "export" and not state.fits
         ):
             layers = whole
-        overview = self.station in ("grains", "populations")
+        overview = self.station in ("grains", "populations") or (self.station == "style" and not tray)
         if overview and self.workspace.selected is not None and "grains" in layers:
             layers |= {"grain"}
         for layer, opacity in self._opacity.items():
             self.scene.set_opacity(layer, opacity if self.station == "fit" else 1.0)
         self.scene.show_layers(layers)
+        self.scene.show_gallery(tray)
         single = self.station == "fit" and self.workspace.selected is not None
         focus = (self.workspace.selected if single else None, self.scene.points() is not None)
-        if focus != self._focus or view is not None:
+        at_tray = self._tray.follow(tray, view is not None)
+        if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.
             self._focus = focus
             if view is not None:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.population_commands import population_commands
+from mbstudio.ui.style_commands import style_commands
 from mbstudio.ui.view_commands import view_commands
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "View", "Help")
+MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "View", "Help")
 
 
 def window_commands(window: MainWindow) -> list[Command]:
@@ -23,6 +24,7 @@ def window_commands(window: MainWindow) -> list[Command]:
         *_grains(window),
         *_fit(window),
         *population_commands(window),
+        *style_commands(window),
         *view_commands(window),
         *_help(window),
     ]
@@ -85,7 +87,7 @@ def _file(window: MainWindow) -> list[Command]:
             "Ctrl+S",
             "ph.floppy-disk",
             "Write the project to its file",
-            lambda: space.is_modified and space.state.scan is not None,
+            lambda: space.is_modified and space.can_be_saved,
         ),
         Command(
             "project.save_as",
@@ -95,7 +97,7 @@ def _file(window: MainWindow) -> list[Command]:
             "Ctrl+Shift+S",
             "",
             "Write the project to another file",
-            lambda: space.state.scan is not None,
+            lambda: space.can_be_saved,
         ),
         Command(
             "view.screenshot",

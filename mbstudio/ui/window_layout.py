@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from PySide6.QtCore import QSettings, QSize, Qt
-from PySide6.QtGui import QResizeEvent
+from PySide6.QtGui import QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QDockWidget,
     QFrame,
@@ -26,6 +28,7 @@ from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
 from mbstudio.ui.panels.population_panel import PopulationPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
+from mbstudio.ui.panels.style_panel import StylePanel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_commands import STATIONS
 from mbstudio.ui.viewport import Viewport
@@ -35,11 +38,14 @@ from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.plots import ConvergenceCurve
 from mbstudio.ui.widgets.population_dock import PopulationDock
 from mbstudio.ui.widgets.rail import Rail
+from mbstudio.ui.widgets.style_dock import StyleDock
 from mbstudio.ui.widgets.sweep_dock import SweepDock
 from mbstudio.ui.widgets.welcome import Welcome
 from mbstudio.ui.window_commands import MENUS
+from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.population_work import PopulationWork
+from mbstudio.ui.work.style_work import StyleWork
 from mbstudio.ui.work.sweep_work import SweepWork
 from mbstudio.ui.workspace import Workspace
 
@@ -71,6 +77,8 @@ class WindowLayout(QMainWindow):
     fits: FitWork
     populations: PopulationWork
     sweeps: SweepWork
+    styles: StyleWork
+    clones: CloneWork
     messages: MessageBar
     viewport: Viewport
     commands: CommandTable
@@ -89,12 +97,14 @@ class WindowLayout(QMainWindow):
         self.panels_grains = GrainPanel(self.workspace, self.theme)
         self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
         self.panels_populations = PopulationPanel(self.workspace, self.populations)
+        self.panels_style = StylePanel(self.workspace, self.styles, self.clones)
         self.panels_export = ExportPanel(self.workspace)
         self.panels = {
             "scan": self.panels_scan,
             "grains": self.panels_grains,
             "fit": self.panels_fit,
             "populations": self.panels_populations,
+            "style": self.panels_style,
             "export": self.panels_export,
         }
         self.rail = Rail(list(STATIONS), self.icons)
@@ -122,12 +132,14 @@ class WindowLayout(QMainWindow):
         self.splitDockWidget(self.table_dock, self.curve_dock, Qt.Orientation.Horizontal)
         self.plots = PopulationDock(self.theme, self.icons)
         self.sweep = SweepDock(self.workspace, self.sweeps, self.theme)
+        self.style_page = StyleDock(self.theme)
+        self.style_dock = self._dock("style", "Style", self.style_page, bottom)
         right = Qt.DockWidgetArea.RightDockWidgetArea
         self.plots_dock = self._dock("plots", "Plots of populations", self.plots, right)
         self.sweep_dock = self._dock("sweep", "Sweep over n", self.sweep, right)
         # Plots need the height more than the table needs the width.
         self.setCorner(Qt.Corner.BottomRightCorner, right)
-        for dock in (self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock):
+        for dock in (self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock, self.style_dock):
             dock.setTitleBarWidget(self._dock_title(dock))
             # Never floating: what is undocked gets lost behind the window.
             dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
@@ -153,6 +165,11 @@ class WindowLayout(QMainWindow):
         close.clicked.connect(self.refresh)
         layout.addWidget(close)
         return bar
+
+    @property
+    def view_room(self) -> QSize:
+        """Size of the place where the view is or will be."""
+        return self._pages.size()
 
     def _make_centre(self) -> None:
         self.welcome = Welcome()
@@ -226,6 +243,9 @@ class WindowLayout(QMainWindow):
         self.curve_dock.setVisible(self.station == "fit" and there and not sweeping)
         self.sweep_dock.setVisible(sweeping)
         self.plots_dock.setVisible(self.station == "populations")
+        self.style_dock.setVisible(self.station == "style")
+        if self.station == "style":
+            self.resizeDocks([self.style_dock], [282], Qt.Orientation.Vertical)
         for dock in (self.sweep_dock, self.plots_dock):
             if dock.isVisible() and dock not in self._sized:
                 self._sized.append(dock)
@@ -233,3 +253,26 @@ class WindowLayout(QMainWindow):
         if self.curve_dock.isVisible() and self._swept != sweeping:
             self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
         self._swept = sweeping
+
+    def _restore_layout(self) -> None:
+        self._first_layout = self.saveState()
+        geometry = self.settings.value("geometry")
+        if geometry is None or not self.restoreGeometry(geometry):
+            room = self.screen().availableGeometry()
+            self.resize(min(1440, room.width()), min(900, room.height()))
+        self.resizeDocks([self.table_dock], [230], Qt.Orientation.Vertical)
+        self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
+
+    # ---- drag and drop ---------------------------------------------------------------------------
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        if event.mimeData().hasUrls():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
+        event.acceptProposedAction()
+        if len(paths) != 1:
+            self.messages.say("warning", "Drop one file or one folder of slices at a time.")
+        else:
+            self.files.open_path(paths[0])

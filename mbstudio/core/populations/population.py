@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from mbstudio.core.errors import MeasureError
-from mbstudio.core.metrics.factor_names import column_name
+from mbstudio.core.metrics.factor_names import FACTOR_NAMES, column_name
+from mbstudio.core.units import conversion_factor, parse_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -136,6 +137,21 @@ class Population:
             self.unit, self.axes, self.surface,
             tuple(self.reasons[i] for i in chosen), tuple(self.warnings[i] for i in chosen),
         )  # fmt: skip
+
+    def in_unit(self, unit: str) -> Population:
+        """Return the population with its lengths, areas and volumes in another unit.
+
+        Raises
+        ------
+        UnitError
+            If one of the two is no length unit.
+        """
+        scale = conversion_factor(self.unit, unit)
+        columns = {
+            name: column * scale ** (FACTOR_NAMES[name].power if name in FACTOR_NAMES else 0)
+            for name, column in self.factors.items()
+        }
+        return replace(self, factors=columns, unit=parse_unit(unit))
 
     def table(self) -> pd.DataFrame:
         """Return a table of one row a body; columns state their units (``volume_mm3``).

@@ -1,6 +1,6 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
-Layout (schema 1); every text is UTF-8, nothing is pickled::
+Layout (schema 2); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest; voxels, if embedded
@@ -9,6 +9,9 @@ Layout (schema 1); every text is UTF-8, nothing is pickled::
     /grains/table    one dataset a column; attribute: order of the columns
     /fit_settings    attributes
     /fits            see mbstudio.core.project.fit_table
+    /style, /clones  see mbstudio.core.project.style_table; only where there are some
+
+Schema 1 has neither style nor clones, and is what a project without them is written in.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.replacement import replacing
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
+from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
@@ -39,7 +43,8 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 1
+SCHEMA = 2
+_WITHOUT_STYLE = 1
 
 # Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
 # checksum tells of damage that the file's structure does not show.
@@ -150,7 +155,9 @@ def _require_readable_schema(file: h5py.File, path: Path) -> None:
 
 
 def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
-    file.attrs.update(format=FORMAT, schema=SCHEMA, written_by=f"mbstudio {mbstudio.__version__}")
+    # A project without style stays readable to older versions, which would lose one unseen.
+    schema = _WITHOUT_STYLE if state.style is None and state.clones is None else SCHEMA
+    file.attrs.update(format=FORMAT, schema=schema, written_by=f"mbstudio {mbstudio.__version__}")
     if state.scan is not None:
         _write_scan(file.create_group("scan"), path, state.scan, voxels)
     if state.segmentation is not None:
@@ -159,6 +166,10 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         _write_grains(file.create_group("grains"), state.grains)
     _write_record(file.create_group("fit_settings"), state.fit_settings)
     write_fits(file.create_group("fits"), state.fits)
+    if state.style is not None:
+        write_style(file.create_group("style"), state.style)
+    if state.clones is not None:
+        write_clones(file.create_group("clones"), state.clones)
 
 
 def _read_state(file: h5py.File, path: Path) -> ProjectState:
@@ -174,6 +185,8 @@ def _read_state(file: h5py.File, path: Path) -> ProjectState:
         grains=_read_grains(file["grains"]) if "grains" in file else None,
         fits=MappingProxyType(read_fits(file["fits"])),
         fit_settings=_read_record(file["fit_settings"], FitSettings),
+        style=read_style(file["style"], path) if "style" in file else None,
+        clones=read_clones(file["clones"], path) if "clones" in file else None,
     )
 
 

@@ -38,20 +38,7 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
 
     from mbstudio.core.project.replacement import replacing
 
-    model, parents = learner.model, learner.parents
-    tensors: Tensors = {f"model.{name}": array for name, array in model.tensors().items()}
-    tensors |= {
-        "template.centers": model.scaler.template.centers,
-        "template.log_weights": model.scaler.template.log_weights,
-        "template.exchange": model.scaler.template.exchange,
-        "sizes.logarithms": model.scaler.log_sizes,
-        "sizes.scores": model.scaler.scores,
-        "latents": learner.latents,
-    }
-    if model.scaler.template.stiffness is not None:
-        tensors["template.stiffness"] = model.scaler.template.stiffness
-    tensors |= {f"parents.{name}": getattr(parents, name) for name in _PARENT_ARRAYS}
-    content = save({name: np.ascontiguousarray(array) for name, array in tensors.items()})
+    content = save({name: np.ascontiguousarray(array) for name, array in learner_tensors(learner).items()})
     digest = hashlib.sha256(content).hexdigest()
     weights = f"style-learner-{digest[:12]}.safetensors"
     entries = {
@@ -59,11 +46,7 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         "format": FORMAT,
         "weights": weights,
         "sha256": digest,
-        "preset": model.preset,
-        "n": model.scaler.template.n,
-        "model": model.settings(),
-        "unit": model.scaler.unit,
-        "card": learner.card.as_dict(),
+        **learner_entries(learner),
     }
     text = json.dumps(entries, indent=1, allow_nan=False)
     try:
@@ -83,6 +66,73 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
     return folder
 
 
+def learner_tensors(learner: StyleLearner) -> Tensors:
+    """Return all numbers of a style-learner by the names that they have in a file."""
+    model, parents = learner.model, learner.parents
+    tensors: Tensors = {f"model.{name}": array for name, array in model.tensors().items()}
+    tensors |= {
+        "template.centers": model.scaler.template.centers,
+        "template.log_weights": model.scaler.template.log_weights,
+        "template.exchange": model.scaler.template.exchange,
+        "sizes.logarithms": model.scaler.log_sizes,
+        "sizes.scores": model.scaler.scores,
+        "latents": learner.latents,
+    }
+    if model.scaler.template.stiffness is not None:
+        tensors["template.stiffness"] = model.scaler.template.stiffness
+    return tensors | {f"parents.{name}": getattr(parents, name) for name in _PARENT_ARRAYS}
+
+
+def learner_entries(learner: StyleLearner) -> dict[str, Any]:
+    """Return all else of a style-learner, as what JSON can hold."""
+    model = learner.model
+    return {
+        "preset": model.preset,
+        "n": model.scaler.template.n,
+        "model": model.settings(),
+        "unit": model.scaler.unit,
+        "card": learner.card.as_dict(),
+    }
+
+
+def learner_of(entries: dict[str, Any], tensors: Tensors, source: Path) -> StyleLearner:
+    """Return the style-learner of :func:`learner_entries` and :func:`learner_tensors`.
+
+    Raises
+    ------
+    StyleError
+        If shapes do not agree or the card is not complete; `source` is named.
+    KeyError, TypeError, ValueError
+        If something is missing or of the wrong kind.
+    """
+    from mbstudio.core.vae.style_learner import StyleLearner
+
+    kind = model_kind(str(entries["preset"]))
+    _check_shapes(tensors, kind.shapes(entries["model"], int(entries["n"])), source)
+    template = Template(
+        tensors["template.centers"],
+        tensors["template.log_weights"],
+        tensors["template.exchange"].astype(np.int64),
+        tensors.get("template.stiffness"),
+    )
+    scaler = Scaler(
+        template,
+        str(entries["unit"]),
+        tensors["sizes.logarithms"],
+        tensors["sizes.scores"],
+    )
+    card = ModelCard.from_dict(entries["card"])
+    parents = Serialization(
+        template=template, unit=scaler.unit, names=card.names,
+        **{name: tensors[f"parents.{name}"] for name in _PARENT_ARRAYS},
+    )  # fmt: skip
+    numbers = {
+        name.removeprefix("model."): array for name, array in tensors.items() if name.startswith("model.")
+    }
+    model = kind.from_tensors(scaler, numbers, entries["model"])
+    return StyleLearner(model, parents, tensors["latents"], card)
+
+
 def read_learner(folder: Path) -> StyleLearner:
     """Return the style-learner of a folder.
 
@@ -91,8 +141,6 @@ def read_learner(folder: Path) -> StyleLearner:
     StyleError
         If there is none, or a file is damaged, foreign, or from a newer mbstudio; it names the file.
     """
-    from mbstudio.core.vae.style_learner import StyleLearner
-
     path = folder / CARD_FILE
     entries = read_entries(path)
     try:
@@ -103,31 +151,7 @@ def read_learner(folder: Path) -> StyleLearner:
                 f"{weights} is not the file that {path.name} was written with (truncated, changed or from "
                 "another style-learner): copy the whole folder again."
             )
-        kind = model_kind(str(entries["preset"]))
-        tensors = _tensors(content, weights)
-        _check_shapes(tensors, kind.shapes(entries["model"], int(entries["n"])), weights)
-        template = Template(
-            tensors["template.centers"],
-            tensors["template.log_weights"],
-            tensors["template.exchange"].astype(np.int64),
-            tensors.get("template.stiffness"),
-        )
-        scaler = Scaler(
-            template,
-            str(entries["unit"]),
-            tensors["sizes.logarithms"],
-            tensors["sizes.scores"],
-        )
-        card = ModelCard.from_dict(entries["card"])
-        parents = Serialization(
-            template=template, unit=scaler.unit, names=card.names,
-            **{name: tensors[f"parents.{name}"] for name in _PARENT_ARRAYS},
-        )  # fmt: skip
-        numbers = {
-            name.removeprefix("model."): array for name, array in tensors.items() if name.startswith("model.")
-        }
-        model = kind.from_tensors(scaler, numbers, entries["model"])
-        return StyleLearner(model, parents, tensors["latents"], card)
+        return learner_of(entries, _tensors(content, weights), weights)
     except (KeyError, TypeError, ValueError) as error:
         raise StyleError(f"{path} is no complete style-learner ({error!r}): save it again.") from None
     except MbstudioError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
@@ -24,6 +24,9 @@ from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.widgets.forms import empty, label, primary_button, row
 from mbstudio.ui.workspace import Workspace
 
+if TYPE_CHECKING:
+    from mbstudio.core.vae.generation import Generation
+
 UNITS = ("um", "mm", "cm", "m")
 
 
@@ -42,6 +45,7 @@ class ExportPanel(Panel):
     def __init__(self, workspace: Workspace) -> None:
         super().__init__("Export", "Hand the avatars over to a DEM engine.")
         self._workspace = workspace
+        self._clones: Generation | None = None
         self.target = QComboBox()
         for name, target in targets().items():
             self.target.addItem(target.title, name)
@@ -108,10 +112,31 @@ class ExportPanel(Panel):
         """Labels of the avatars that are to be written."""
         fits = self._workspace.state.fits
         kind = self.selection.currentData()
+        if kind == "clones":
+            return []
         if kind == "chosen":
             chosen = self._workspace.selected
             return [chosen] if chosen is not None and chosen in fits else []
         return sorted(label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid)
+
+    def clones(self) -> Generation | None:
+        """Return the clones if they are what is to be written."""
+        return self._clones if self.selection.currentData() == "clones" else None
+
+    def offer_clones(self, clones: Generation | None) -> None:
+        """Offer clones beside the avatars of grains, or no longer."""
+        self._clones = clones
+        self.refresh()
+
+    def choose(self, kind: str) -> None:
+        """Choose which avatars are written: 'valid', 'all', 'chosen' or 'clones'."""
+        self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
+
+    @property
+    def count(self) -> int:
+        """How many avatars are to be written."""
+        clones = self.clones()
+        return len(self.labels()) if clones is None else len(clones)
 
     def given(self) -> dict[str, Any]:
         """Return unit, density, overwrite and the target's options, as export wants them."""
@@ -126,7 +151,7 @@ class ExportPanel(Panel):
     @property
     def is_ready(self) -> bool:
         """Whether something can be exported as set."""
-        return bool(self.labels()) and self.folder_path is not None
+        return self.count > 0 and self.folder_path is not None
 
     # ---- keeping in step -----------------------------------------------------------------------
 
@@ -141,14 +166,17 @@ class ExportPanel(Panel):
         self.selection.addItem(f"All ({len(fits)})", "all")
         if chosen in fits:
             self.selection.addItem(f"Grain {chosen}", "chosen")
+        if self._clones is not None:
+            self.selection.addItem(f"Clones ({len(self._clones)})", "clones")
+            kind = "clones" if not fits else kind
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
         self.selection.blockSignals(False)
         self._write_hint()
 
     def _write_hint(self) -> None:
-        if not self._workspace.state.fits:
+        if self.clones() is None and not self._workspace.state.fits:
             text = "No avatars yet: fit some grains first (station Fit)."
-        elif not self.labels():
+        elif not self.count:
             text = "None of the avatars is valid: fit again with more control points, or choose “All”."
         elif self.folder_path is None:
             text = "Choose a folder for the files."
@@ -157,8 +185,9 @@ class ExportPanel(Panel):
         self._hint.setText(text)
         self._hint.setVisible(bool(text))
         self.export_button.setEnabled(self.is_ready)
-        count = len(self.labels())
-        self.export_button.setText(f"Export {count} avatar{'s' if count != 1 else ''}" if count else "Export")
+        count = self.count
+        what = "avatar" if self.clones() is None else "clone"
+        self.export_button.setText(f"Export {count} {what}{'s' if count != 1 else ''}" if count else "Export")
 
     def _target_changed(self) -> None:
         target = targets()[self.target_name]

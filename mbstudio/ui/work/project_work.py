@@ -29,7 +29,7 @@ class ProjectWork(Work):
 
     def open(self, path: Path) -> Task:
         """Open a project file."""
-        task = Task(f"Opening {path.name}", lambda control: Project.open(path))
+        task = Task(f"Opening {path.name}", lambda control: _opened(path))
         task.succeeded.connect(lambda project: self._take(project, path))
         return self.queue.submit(task)
 
@@ -53,3 +53,11 @@ class ProjectWork(Work):
         self.workspace.remember(path)
         self.workspace.saved()
         self.said.emit("success", f"Saved {path.name}.")
+
+
+def _opened(path: Path) -> Project:
+    project = Project.open(path)
+    if project.state.clones is not None:
+        # Clones are compared with grains at once; what compares takes a second to load.
+        import scipy.stats  # noqa: F401
+    return project

@@ -15,7 +15,7 @@ from mbstudio.core.grains import Grain, load_labels
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, measure
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES, column_name
-from mbstudio.core.populations import measure_population
+from mbstudio.core.populations import Population, measure_population
 from mbstudio.core.units import VoxelSize
 
 
@@ -172,3 +172,11 @@ def test_every_factor_has_the_power_that_a_change_of_unit_gives_it():
         "volume_um3", "area_um2", "dn_um", "csf",
     ]  # fmt: skip
     assert FACTOR_NAMES["area"].heading("um") == "Surface area A (µm²)"
+
+
+def test_another_unit_changes_lengths_areas_and_volumes():
+    columns = {"volume": [2.0], "area": [3.0], "dn": [5.0], "sphericity": [0.7]}
+    small = Population("c", "clones", [1], columns, "mm", "obb", "avatar", ("",), ("",)).in_unit("um")
+    assert small.unit == "um"
+    found = {name: float(small.column(name)[0]) for name in columns}
+    assert found == pytest.approx({"volume": 2e9, "area": 3e6, "dn": 5e3, "sphericity": 0.7})

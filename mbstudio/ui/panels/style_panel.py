@@ -1,0 +1,43 @@
+"""Station Style: the form of grains is learned, and new ones are generated in it (MetaballVAE)."""
+
+from __future__ import annotations
+
+from PySide6.QtWidgets import QTabBar
+
+from mbstudio.ui.panels.generate_page import GeneratePage
+from mbstudio.ui.panels.learn_page import LearnPage
+from mbstudio.ui.panels.panel import Panel
+from mbstudio.ui.work.clone_work import CloneWork
+from mbstudio.ui.work.style_work import StyleWork
+from mbstudio.ui.workspace import Workspace
+
+
+class StylePanel(Panel):
+    """Two pages, to learn and to generate, each with its buttons at the foot."""
+
+    def __init__(self, workspace: Workspace, styles: StyleWork, clones: CloneWork) -> None:
+        super().__init__("Style", "MetaballVAE learns the form of grains and generates new ones like them.")
+        self.learn = LearnPage(workspace, styles)
+        self.generate = GeneratePage(workspace, clones)
+        self.tabs = QTabBar()
+        self.tabs.setExpanding(True)
+        self.tabs.setDrawBase(False)
+        self.tabs.setAccessibleName("Learn or generate")
+        self.tabs.addTab("Learn")
+        self.tabs.addTab("Generate")
+        self.add(self.tabs, self.learn, self.generate)
+        self.body.addStretch(1)
+        self.foot.addWidget(self.learn.foot)
+        self.foot.addWidget(self.generate.foot)
+        self.tabs.currentChanged.connect(self._turn)
+        self._turn(0)
+
+    def open_page(self, name: str) -> None:
+        """Turn to 'learn' or 'generate'."""
+        self.tabs.setCurrentIndex(("learn", "generate").index(name))
+
+    def _turn(self, place: int) -> None:
+        pages: tuple[LearnPage | GeneratePage, ...] = (self.learn, self.generate)
+        for index, page in enumerate(pages):
+            page.setVisible(index == place)
+            page.foot.setVisible(index == place)
