@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
 from mbstudio.core.scan import Scan
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.generation import Generation
+    from mbstudio.core.vae.style_learner import StyleLearner
 
 RECENT = 8
 
@@ -40,6 +44,8 @@ class Workspace(QObject):
     grains_changed = Signal()
     fits_changed = Signal()
     settings_changed = Signal()
+    style_changed = Signal()
+    clones_changed = Signal()
     selection_changed = Signal()
     project_replaced = Signal()
     recent_changed = Signal()
@@ -58,6 +64,16 @@ class Workspace(QObject):
     @property
     def state(self) -> ProjectState:
         return self.project.state
+
+    @property
+    def style(self) -> StyleLearner | None:
+        """The style-learner that the stations Style and Latent work with; None before one is there."""
+        return self.state.style
+
+    @property
+    def clones(self) -> Generation | None:
+        """The clones made last; None before there are any."""
+        return self.state.clones
 
     @property
     def is_modified(self) -> bool:
@@ -104,6 +120,14 @@ class Workspace(QObject):
         """Add or replace fits by label."""
         self.project.add_fits(fits, title)
         self._announce()
+
+    def use_style(self, learner: StyleLearner | None, title: str = "Learn style") -> None:
+        """Work with another style-learner, as one step of undo; clones of the one before go."""
+        self.change(title, style=learner, clones=None)
+
+    def use_clones(self, clones: Generation | None, title: str = "Generate clones") -> None:
+        """Take over clones, as one step of undo."""
+        self.change(title, clones=clones)
 
     def change_fit_settings(self, **changes: Any) -> None:
         """Change what the next fit will use."""
@@ -217,6 +241,10 @@ class Workspace(QObject):
             self.grains_changed.emit()
         if all_of_it or now.fits is not before.fits:
             self.fits_changed.emit()
+        if all_of_it or now.style is not before.style:
+            self.style_changed.emit()
+        if all_of_it or now.clones is not before.clones:
+            self.clones_changed.emit()
         if all_of_it or now.fit_settings != before.fit_settings or now.segmentation != before.segmentation:
             self.settings_changed.emit()
         self.state_changed.emit()

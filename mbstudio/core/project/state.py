@@ -14,6 +14,8 @@ from mbstudio.core.units import VoxelSize
 if TYPE_CHECKING:
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
+    from mbstudio.core.vae.generation import Generation
+    from mbstudio.core.vae.style_learner import StyleLearner
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,10 @@ class ProjectState:
     fits : mapping of int to FitResult
         By grain label.
     fit_settings : FitSettings
+    style : StyleLearner or None
+        What was learned of the form of grains.
+    clones : Generation or None
+        New grains in a style, made last.
     """
 
     scan: ScanReference | None = None
@@ -73,6 +79,8 @@ class ProjectState:
     grains: GrainSet | None = None
     fits: Mapping[int, FitResult] = field(default_factory=lambda: MappingProxyType({}))
     fit_settings: FitSettings = field(default_factory=FitSettings)
+    style: StyleLearner | None = None
+    clones: Generation | None = None
 
     def with_fits(self, added: Mapping[int, FitResult]) -> ProjectState:
         """Return this state with fits added (or replaced) by label."""
