@@ -10,8 +10,7 @@ from jaxtyping import Float
 View = Literal["isometric", "front", "back", "left", "right", "top", "bottom"]
 MARGIN = 1.14  # of free space around what is fitted
 
-# Direction from the focal point to the camera, and the direction that is up.
-_VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+DIRECTIONS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "isometric": ((1.0, -1.35, 0.9), (0, 0, 1)),
     "front": ((0, -1, 0), (0, 0, 1)),
     "back": ((0, 1, 0), (0, 0, 1)),
@@ -20,12 +19,13 @@ _VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]
     "top": ((0, 0, 1), (0, 1, 0)),
     "bottom": ((0, 0, -1), (0, 1, 0)),
 }
-VIEWS: tuple[View, ...] = tuple(_VIEWS)
+"""Of each view: from the focal point to the camera, and what is up."""
+VIEWS: tuple[View, ...] = tuple(DIRECTIONS)
 
 
 def turn(renderer: Any, view: View) -> None:
     """Turn the camera to a preset direction."""
-    away, up = _VIEWS[view]
+    away, up = DIRECTIONS[view]
     camera = renderer.GetActiveCamera()
     camera.SetPosition(*(np.array(camera.GetFocalPoint()) + np.array(away)))
     camera.SetViewUp(*up)
