@@ -15,7 +15,7 @@ _SAMPLES = 2  # a pixel's side is so many rays, for smooth outlines
 
 
 def thumbnail(
-    avatar: Avatar, colour: str, size: int = 64, reach: float | None = None
+    avatar: Avatar, colour: str, size: int = 72, reach: float | None = None
 ) -> UInt8[np.ndarray, "size size 4"]:
     """Return a picture of an avatar seen from the isometric view, on nothing.
 
@@ -37,9 +37,7 @@ def thumbnail(
     low, high = avatar.bounds()
     centre, half = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     right, up, away = _frame()
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.5 * (high - low)
-    seen = float(np.abs(corners @ np.stack([right, up], axis=1)).max())
-    shown = _MARGIN * (0.88 * seen if reach is None else reach)
+    shown = _MARGIN * (seen_reach(avatar) if reach is None else reach)
     rays = size * _SAMPLES
     place = shown * (2 * (np.arange(rays) + 0.5) / rays - 1)
     across, upward = np.meshgrid(place, -place)
@@ -53,6 +51,14 @@ def thumbnail(
     normal = -gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-300)
     shade[met] = 0.3 + 0.75 * np.clip(normal @ (light / np.linalg.norm(light)), 0.0, 1.0)
     return _picture(met, shade, colour, size)
+
+
+def seen_reach(avatar: Avatar) -> float:
+    """Return about how far the picture of an avatar reaches from its middle, in its unit."""
+    low, high = avatar.bounds()
+    right, up, _ = _frame()
+    # Of the ellipsoid in the bounding box: its corners are empty.
+    return float(max(np.linalg.norm(0.5 * (high - low) * way) for way in (right, up)))
 
 
 def _picture(met: np.ndarray, shade: np.ndarray, colour: str, size: int) -> UInt8[np.ndarray, "s s 4"]:

@@ -33,6 +33,7 @@ STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
     "grains": ("slices", "volume", "grains"),
     "fit": ("slices", "grain", "avatar", "points"),
     "populations": ("slices", "grains", "avatars"),
+    "latent": ("live", "ghost_a", "ghost_b"),
     "export": ("slices", "grains", "avatars"),
 }
 # Longest side in voxels of overview and volume: what software renders in a fraction of a second.
@@ -84,6 +85,7 @@ class ViewLink(QObject):
             "grains": {"grains"},
             "fit": {"grain", "avatar"},
             "populations": {"grains"},
+            "latent": {"live"},
             "export": {"avatars"},
         }
         self._factors: dict[int, ShapeFactors] = {}
@@ -122,6 +124,10 @@ class ViewLink(QObject):
             self._build_volume()
         if layer == "avatars" and shown:
             self._build_avatars()
+        self._arrange()
+
+    def arrange(self) -> None:
+        """Bring the layers up to date after another part of the window changed the scene."""
         self._arrange()
 
     def fit_view(self) -> None:
@@ -349,7 +355,8 @@ class ViewLink(QObject):
             self.scene.set_opacity(layer, opacity if self.station == "fit" else 1.0)
         self.scene.show_layers(layers)
         single = self.station == "fit" and self.workspace.selected is not None
-        focus = (self.workspace.selected if single else None, self.scene.points() is not None)
+        latent = self.station == "latent"
+        focus = (self.workspace.selected if single else None, latent, self.scene.points() is not None)
         if focus != self._focus or view is not None:
             # The camera moves when what is looked at changes, never while it is looked at.
             self._focus = focus

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
@@ -24,6 +25,11 @@ from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.widgets.forms import empty, label, primary_button, row
 from mbstudio.ui.workspace import Workspace
 
+if TYPE_CHECKING:
+    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.style_learner import StyleLearner
+    from mbstudio.ui.work.export_work import ExportWork
+
 UNITS = ("um", "mm", "cm", "m")
 
 
@@ -42,6 +48,8 @@ class ExportPanel(Panel):
     def __init__(self, workspace: Workspace) -> None:
         super().__init__("Export", "Hand the avatars over to a DEM engine.")
         self._workspace = workspace
+        self.kept: list[Recipe] = []
+        self._learner: StyleLearner | None = None
         self.target = QComboBox()
         for name, target in targets().items():
             self.target.addItem(target.title, name)
@@ -108,10 +116,28 @@ class ExportPanel(Panel):
         """Labels of the avatars that are to be written."""
         fits = self._workspace.state.fits
         kind = self.selection.currentData()
+        if kind == "kept":
+            return []
         if kind == "chosen":
             chosen = self._workspace.selected
             return [chosen] if chosen is not None and chosen in fits else []
         return sorted(label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid)
+
+    def kept_grains(self) -> tuple[StyleLearner, list[Recipe]] | None:
+        """Return the kept grains with the style-learner that decodes them, where they were chosen."""
+        if self.selection.currentData() != "kept" or self._learner is None or not self.kept:
+            return None
+        return self._learner, self.kept
+
+    def set_kept(self, kept: Sequence[Recipe], learner: StyleLearner | None) -> None:
+        """Offer the kept grains of the latent studio."""
+        self.kept, self._learner = list(kept), learner
+        self.refresh()
+
+    @property
+    def _count(self) -> int:
+        kept = self.kept_grains()
+        return len(self.labels()) if kept is None else len(kept[1])
 
     def given(self) -> dict[str, Any]:
         """Return unit, density, overwrite and the target's options, as export wants them."""
@@ -126,7 +152,17 @@ class ExportPanel(Panel):
     @property
     def is_ready(self) -> bool:
         """Whether something can be exported as set."""
-        return bool(self.labels()) and self.folder_path is not None
+        return bool(self._count) and self.folder_path is not None
+
+    def start(self, exports: ExportWork) -> None:
+        """Let what was chosen be written."""
+        folder, kept = self.folder_path, self.kept_grains()
+        if folder is None:
+            return
+        if kept is None:
+            exports.export(self.labels(), self.target_name, folder, **self.given())
+        else:
+            exports.export_kept(*kept, self.target_name, folder, **self.given())
 
     # ---- keeping in step -----------------------------------------------------------------------
 
@@ -141,14 +177,18 @@ class ExportPanel(Panel):
         self.selection.addItem(f"All ({len(fits)})", "all")
         if chosen in fits:
             self.selection.addItem(f"Grain {chosen}", "chosen")
+        if self.kept:
+            self.selection.addItem(f"Kept grains ({len(self.kept)})", "kept")
+            if not fits and kind == "valid":
+                kind = "kept"
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
         self.selection.blockSignals(False)
         self._write_hint()
 
     def _write_hint(self) -> None:
-        if not self._workspace.state.fits:
+        if not self._workspace.state.fits and not self.kept:
             text = "No avatars yet: fit some grains first (station Fit)."
-        elif not self.labels():
+        elif not self._count:
             text = "None of the avatars is valid: fit again with more control points, or choose “All”."
         elif self.folder_path is None:
             text = "Choose a folder for the files."
@@ -157,7 +197,7 @@ class ExportPanel(Panel):
         self._hint.setText(text)
         self._hint.setVisible(bool(text))
         self.export_button.setEnabled(self.is_ready)
-        count = len(self.labels())
+        count = self._count
         self.export_button.setText(f"Export {count} avatar{'s' if count != 1 else ''}" if count else "Export")
 
     def _target_changed(self) -> None:

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task
+
+if TYPE_CHECKING:
+    from mbstudio.core.metaball import Avatar
+    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.style_learner import StyleLearner
+
+RECIPES = "recipes.json"
+"""Beside exported kept grains: how each was made."""
 
 
 class ExportWork(Work):
@@ -27,9 +38,43 @@ class ExportWork(Work):
     ) -> Task:
         """Write the avatars of these grains for a DEM engine."""
         fits = self.workspace.state.fits
-        avatars = [fits[label].avatar for label in labels]
-        names = [f"grain_{label:05d}" for label in labels]
+        return self._submit(
+            [fits[label].avatar for label in labels], [f"grain_{label:05d}" for label in labels], target,
+            folder, unit, density, options, overwrite, {},
+        )  # fmt: skip
 
+    def export_kept(
+        self,
+        learner: StyleLearner,
+        kept: list[Recipe],
+        target: str,
+        folder: Path,
+        *,
+        unit: str | None,
+        density: float | None,
+        options: dict[str, Any],
+        overwrite: bool = False,
+    ) -> Task:
+        """Write grains kept in the latent studio, with their recipes beside them."""
+        names = [recipe.name.replace(" ", "_") for recipe in kept]
+        avatars = learner.decode(np.stack([recipe.vector for recipe in kept]), names=tuple(names)).avatars()
+        recipes = json.dumps([recipe.as_record() for recipe in kept], indent=1)
+        return self._submit(
+            avatars, names, target, folder, unit, density, options, overwrite, {RECIPES: recipes}
+        )
+
+    def _submit(
+        self,
+        avatars: list[Avatar],
+        names: list[str],
+        target: str,
+        folder: Path,
+        unit: str | None,
+        density: float | None,
+        options: dict[str, Any],
+        overwrite: bool,
+        attachments: dict[str, str],
+    ) -> Task:
         def work(control: Control) -> Any:
             return export(
                 avatars,
@@ -40,6 +85,7 @@ class ExportWork(Work):
                 names=names,
                 overwrite=overwrite,
                 progress=control.progress,
+                attachments=attachments,
                 **options,
             )
 
