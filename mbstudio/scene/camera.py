@@ -31,6 +31,19 @@ def turn(renderer: Any, view: View) -> None:
     camera.SetViewUp(*up)
 
 
+def shows(renderer: Any, points: Float[np.ndarray, "m 3"]) -> bool:
+    """Return whether all points are in the picture."""
+    camera = renderer.GetActiveCamera()
+    away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
+    away = away / (np.linalg.norm(away) or 1.0)
+    right = np.cross(camera.GetViewUp(), away)
+    right /= np.linalg.norm(right) or 1.0
+    seen = np.abs((points - camera.GetFocalPoint()) @ np.array([right, np.cross(away, right)]).T)
+    width, height = renderer.GetSize()
+    half = camera.GetParallelScale()
+    return bool((seen.max(axis=0) <= [half * width / max(height, 1), half]).all())
+
+
 def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:
     """Bring points into the picture without turning.
 

@@ -259,6 +259,12 @@ class Scene:
         if points is not None:
             camera.fit(self._renderer, points)
 
+    def fit_if_cut(self) -> None:
+        """Bring what is shown into the picture if a part of it lies outside."""
+        points = self.points()
+        if points is not None and not camera.shows(self._renderer, points):
+            camera.fit(self._renderer, points)
+
     def look_from(self, view: View) -> None:
         """Turn to one of the preset views and fit."""
         camera.turn(self._renderer, view)
@@ -270,7 +276,7 @@ class Scene:
         if self._box is not None and self._box.GetVisibility():
             found.append(np.asarray(self._box.mapper.dataset.points))
         else:
-            for layer in ("grains", "avatars", "grain", "avatar", "live"):
+            for layer in ("grains", "avatars", *COLOURS):
                 if layer in self._actors and self._visible[layer]:
                     points = np.asarray(self._actors[layer].mapper.dataset.points)
                     found.append(points[:: max(1, len(points) // 20_000)])
@@ -330,18 +336,9 @@ class Scene:
             self._overviews[layer] = mesh
             mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
             self._actors[layer] = self.plotter.add_mesh(
-                mesh,
-                scalars="colour",
-                rgb=True,
-                smooth_shading=False,
-                specular=0.1,
-                specular_power=20,
-                ambient=0.1,
-                name=layer,
-                reset_camera=False,
-                render=False,
-                show_scalar_bar=False,
-            )
+                mesh, scalars="colour", rgb=True, smooth_shading=False, specular=0.1, specular_power=20,
+                ambient=0.1, name=layer, reset_camera=False, render=False, show_scalar_bar=False,
+            )  # fmt: skip
             self._actors[layer].prop.interpolation = "Phong"
             self._actors[layer].prop.culling = "back"
             self.select(self.selected, self.chosen)

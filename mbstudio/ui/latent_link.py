@@ -154,6 +154,9 @@ class LatentLink(QObject):
                 self._framed = work.learner
                 self._window.link.arrange()
                 self._scene.look_from("isometric")
+            elif grain.cells == AT_REST:
+                # Never under the hand: only what has come to rest moves the camera.
+                self._scene.fit_if_cut()
             self._window.viewport.request_render()
 
     def undo(self) -> None:
@@ -182,7 +185,7 @@ class LatentLink(QObject):
 
     def _show_kept(self) -> None:
         learner, about = self._work.learner, self._work.about
-        kept = self._work.kept
+        kept = self._work.kept if learner is not None else []
         parents = list(learner.parents.names) if learner is not None else []
         tips = {recipe.name: f"{recipe.name}: {recipe.words}" for recipe in kept}
         self._gallery.show_grains([recipe.name for recipe in kept], parents, self.pictures.made, tips)
@@ -192,7 +195,7 @@ class LatentLink(QObject):
             self._dock.map.set_kept(
                 about.map.places(np.stack([recipe.vector for recipe in kept])) if kept else np.empty((0, 2))
             )
-        self._window.panels_export.set_kept(kept, learner)
+        self._window.panels_export.set_kept(kept if learner is not None else [], learner)
 
     def _picture_ready(self, name: str, picture: QPixmap) -> None:
         self._gallery.set_picture(name, picture)
@@ -285,6 +288,8 @@ class LatentLink(QObject):
         second = aligned_to(learner, first, self.letters["B"][1])
         shown = [_surface(live_grain(learner, latent, AT_REST)) for latent in (first, second)]
         self._scene.set_ghosts(*shown)
+        if self._window.station == "latent":
+            self._scene.fit_if_cut()
         self._window.viewport.request_render()
 
     # ---- the map ---------------------------------------------------------------------------------

@@ -16,7 +16,8 @@ from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.grain_strip import SIDE, pixmap_of
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 
-LANE = "pictures"
+LANES = ("pictures", "pictures of parents")
+"""Of what was just made, and of the parents: hundreds of them must not keep the others waiting."""
 
 
 class LatentPictures(QObject):
@@ -38,7 +39,8 @@ class LatentPictures(QObject):
     def use(self, learner: StyleLearner | None) -> None:
         """Forget the pictures of another style-learner's grains."""
         self._learner = learner
-        self._queue.cancel_all(LANE)
+        for lane in LANES:
+            self._queue.cancel_all(lane)
         self.made.clear()
 
     def ask(self, latents: Mapping[str, Float[np.ndarray, " d"]], key: str) -> None:
@@ -50,11 +52,11 @@ class LatentPictures(QObject):
 
         def drawn(control: Control) -> Iterator[tuple[str, Any]]:
             for name, vector in zip(names, vectors, strict=True):
-                yield name, thumbnail(learner.decode(vector[None]).avatar(0), colour, 2 * SIDE)
+                yield name, thumbnail(learner.decode(vector[None]).avatar(0), colour, SIDE)
 
         task = Task("Drawing small pictures", drawn)
         task.reported.connect(lambda report: self._take(learner, report))
-        self._queue.submit(task, lane=LANE, key=key)
+        self._queue.submit(task, lane=LANES[key == "parents"], key=key)
 
     def _take(self, learner: StyleLearner, report: Report) -> None:
         if learner is not self._learner:

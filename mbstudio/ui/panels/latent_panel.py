@@ -196,8 +196,9 @@ class LatentPanel(Panel):
     def take_style(self) -> None:
         """Show the sliders of another style-learner, or that there is none."""
         learner, work = self._work.learner, self._work
-        self._missing.setVisible(learner is None)
-        self._about.setVisible(learner is not None)
+        self._missing.setVisible(learner is None and not work.is_opening)
+        self._about.setVisible(learner is not None or work.is_opening)
+        self._about.setText("Measuring the parents …")
         self._shaping.setVisible(learner is not None)
         for slider in self.components.values():
             slider.hide()

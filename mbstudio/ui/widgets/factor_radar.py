@@ -61,7 +61,7 @@ class Radar(QWidget):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         middle = QPointF(self.width() / 2, self.height() / 2 + 6)
-        radius = min(self.width() - 120, self.height() - 56) / 2
+        radius = min(self.width() - 130, self.height() - 56) / 2
         turns = [2 * math.pi * place / len(MEANINGS) - math.pi / 2 for place in range(len(MEANINGS))]
 
         def corners(shares: list[float]) -> list[QPointF]:
@@ -92,6 +92,7 @@ class Radar(QWidget):
             place = middle + QPointF(math.cos(turn) * (radius + 12), math.sin(turn) * (radius + 14))
             wide = painter.fontMetrics().horizontalAdvance(SHORT[name])
             left = place.x() - wide * (0.5 - 0.5 * round(math.cos(turn), 3))
+            left = min(max(left, 0.0), self.width() - wide)
             painter.drawText(QPointF(left, place.y() + 5), SHORT[name])
         painter.end()
 

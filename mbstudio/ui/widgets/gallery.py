@@ -54,7 +54,7 @@ class Gallery(QFrame):
             layout.addWidget(strip, 1)
             strip.opened.connect(self.opened)
             strip.currentRowChanged.connect(lambda _: self._refresh())
-        self.setFixedHeight(150)
+        self.setFixedHeight(154)
         self.tabs.currentChanged.connect(lambda _: self._refresh())
         self.remove.clicked.connect(self._forget)
         self._refresh()

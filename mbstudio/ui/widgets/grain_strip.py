@@ -21,7 +21,7 @@ from PySide6.QtWidgets import QVBoxLayout as Column
 from mbstudio.ui.widgets.forms import label
 
 MIME = "application/x-mbstudio-grain"
-SIDE = 64  # pixels of a picture
+SIDE = 72  # pixels of a picture
 _NAME = Qt.ItemDataRole.UserRole
 
 
@@ -57,7 +57,6 @@ class GrainStrip(QListWidget):
         self.setMovement(QListView.Movement.Static)
         self.setIconSize(QSize(SIDE, SIDE))
         self.setGridSize(QSize(SIDE + 22, SIDE + 26))
-        self.setUniformItemSizes(True)
         self.setDragEnabled(True)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
@@ -75,6 +74,7 @@ class GrainStrip(QListWidget):
         for name in names:
             item = QListWidgetItem(name)
             item.setData(_NAME, name)
+            item.setSizeHint(self.gridSize())
             item.setToolTip(tips.get(name, name))
             item.setTextAlignment(Qt.AlignmentFlag.AlignHCenter)
             if name in pictures:

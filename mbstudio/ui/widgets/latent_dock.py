@@ -17,7 +17,7 @@ class LatentDock(QFrame):
     def __init__(self, theme: Theme, icons: Icons) -> None:
         super().__init__()
         self.setObjectName("plots")
-        self.setMinimumWidth(340)
+        self.setMinimumWidth(392)
         self.factors, self.blend, self.map = FactorPage(theme), BlendPage(icons), LatentMapPlot(theme)
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)

@@ -92,6 +92,9 @@ class LatentMapPlot(Plot):
         there = np.empty((0, 2)) if place is None else np.asarray(place).reshape(1, 2)
         self._places = self._places[0], self._places[1], there
         self._here.setData(*there.T)
+        (left, right), (low, high) = self.box.viewRange()
+        if len(there) and not (left <= there[0, 0] <= right and low <= there[0, 1] <= high):
+            self.box.autoRange()
 
     def set_letters(self, places: dict[str, Float[np.ndarray, "2"]]) -> None:
         """Mark A, B and C."""

@@ -129,10 +129,10 @@ class ValueSlider(QWidget):
         layout.setHorizontalSpacing(6)
         layout.setVerticalSpacing(0)
         layout.addWidget(self._name, 0, 0)
-        layout.addWidget(self._words, 0, 1, Qt.AlignmentFlag.AlignRight)
+        layout.addWidget(self._words, 0, 1, 1, 3, Qt.AlignmentFlag.AlignRight)
         layout.addWidget(self.slider, 1, 0, 1, 2)
-        layout.addWidget(self.box, 0, 2, 2, 1, Qt.AlignmentFlag.AlignVCenter)
-        layout.addWidget(self.lock, 0, 3, 2, 1, Qt.AlignmentFlag.AlignVCenter)
+        layout.addWidget(self.box, 1, 2)
+        layout.addWidget(self.lock, 1, 3)
         layout.setColumnStretch(1, 1)
         for widget in (self._name, self.slider):
             widget.setToolTip(f"{tip}\nA double click leads back to the middle.".strip())

@@ -119,6 +119,7 @@ class LatentWork(Work):
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
         self.learner: StyleLearner | None = None
+        self._wanted: StyleLearner | None = None
         self.about: About | None = None
         self.meanings: Meanings | None = None
         self.grain: LiveGrain | None = None
@@ -141,25 +142,39 @@ class LatentWork(Work):
     def take_style(self) -> None:
         """Work with the workspace's style-learner from now on; kept grains of another one go."""
         learner = self.workspace.style
-        if learner is self.learner:
+        if learner is self._wanted:
             return
-        self.learner, self.about, self.meanings, self.grain = learner, None, None, None
+        self._wanted = learner
+        self._take(None, None)
+        if learner is None:
+            return
+        task = Task("Measuring the parents", lambda control: About.of(learner))
+        task.succeeded.connect(lambda about: self._take(learner, about))
+        self.queue.submit(task, lane="latent", key="about")
+
+    def _take(self, learner: StyleLearner | None, about: About | None) -> None:
+        if learner is not None and learner is not self._wanted:
+            return
+        self.learner, self.about, self.meanings, self.grain = learner, about, None, None
         self.locked_meanings.clear()
         self.locked_components.clear()
         self._history, self._place, self.is_held, self.progress = [], 0, False, 0.0
         if self._learning is not None:
             self._learning.cancel()
             self._learning = None
-        if learner is not None:
+        if learner is not None and about is not None:
             digest = style_digest(learner)
             self.kept = [recipe for recipe in self.kept if recipe.style == digest]
-            self.about = About.of(learner)
-            self._history = [Stance(self.about.mean, (Operation("average", {}, "average grain"),))]
+            self._history = [Stance(about.mean, (Operation("average", {}, "average grain"),))]
         self.kept_changed.emit()
         self.style_taken.emit()
         self.meanings_changed.emit()
-        if learner is not None:
-            self.render()
+        self.render()
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether a style-learner has been taken over whose parents are still being measured."""
+        return self._wanted is not None and self.learner is None
 
     def learn_meanings(self) -> None:
         """Learn the meanings in the background unless they are there, or on the way."""
