@@ -14,8 +14,8 @@ from mbstudio.core.vae.meaning import HELD
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.panel import Panel
-from mbstudio.ui.widgets.factor_radar import TITLES, standing
-from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
+from mbstudio.ui.widgets.factor_radar import TITLES, show_lights, standing
+from mbstudio.ui.widgets.forms import badge, label, primary_button, quiet_button
 from mbstudio.ui.widgets.value_slider import ValueSlider
 from mbstudio.ui.work.latent_work import LatentWork
 
@@ -140,6 +140,12 @@ class LatentPanel(Panel):
         second.addWidget(self.alike)
         second.addWidget(self.count)
         self._way: QLabel = label("", "hint", wrap=True)
+        self.light, self.edge = badge(), badge()
+        lights = QHBoxLayout()
+        lights.addWidget(self.light)
+        lights.addWidget(self.edge)
+        lights.addStretch(1)
+        self.foot.addLayout(lights)
         self.foot.addWidget(self._way)
         self.foot.addLayout(first)
         self.foot.addLayout(second)
@@ -196,6 +202,8 @@ class LatentPanel(Panel):
     def take_style(self) -> None:
         """Show the sliders of another style-learner, or that there is none."""
         learner, work = self._work.learner, self._work
+        self.light.setVisible(learner is not None)
+        self.edge.hide()
         self._missing.setVisible(learner is None and not work.is_opening)
         self._about.setVisible(learner is not None or work.is_opening)
         self._about.setText("Measuring the parents …")
@@ -268,12 +276,13 @@ class LatentPanel(Panel):
         grain, about, known = work.grain, work.about, work.meanings
         if grain is None or about is None:
             return
+        show_lights(self.light, self.edge, grain, work.is_held)
         shares = about.share_below(grain.factors)
         if known is not None:
             units = known.units(grain.factors)
             for row, (name, slider) in enumerate(self.meanings.items()):
                 slider.set_value(float(units[row]), standing(name, float(shares[row])))
-                slider.set_amber(work.is_held)
+                slider.set_amber(work.is_held and not 0.0 < shares[row] < 1.0)
         for k, slider in self.components.items():
             slider.set_value(float(grain.latent[k]))
             slider.set_amber(work.is_held and abs(grain.latent[k] - about.mean[k]) > 0.999 * about.reach[k])

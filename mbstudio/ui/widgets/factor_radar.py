@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.live_grain import LiveGrain
@@ -37,6 +37,20 @@ def standing(name: str, below: float) -> str:
     if share > 0.9999:
         return f"{word} than all parents"
     return f"{word} than {100 * share:.0f} %"
+
+
+def show_lights(light: QLabel, edge: QLabel, grain: LiveGrain | None, held: bool) -> None:
+    """Show whether a grain is valid, and whether it was held within the parents' range."""
+    edge.setVisible(held and grain is not None)
+    set_badge(edge, "▲ At the edge of the parents", "amber")
+    if grain is None:
+        set_badge(light, "No grain", "quiet")
+    elif grain.is_sound:
+        set_badge(light, "● Valid", "good")
+        light.setToolTip("One piece, no void")
+    else:
+        set_badge(light, f"● {grain.pieces} pieces" if grain.pieces > 1 else f"● {grain.voids} voids", "bad")
+        light.setToolTip("Not valid: a DEM engine takes one piece without void")
 
 
 class Radar(QWidget):
@@ -133,16 +147,9 @@ class FactorPage(QWidget):
     def show_grain(self, grain: LiveGrain | None, shares: Float[np.ndarray, "5"] | None, held: bool) -> None:
         """Show a grain's factors, their places among the parents', and whether it is valid."""
         self.radar.set_shares(shares)
-        self.edge.setVisible(held)
+        show_lights(self.light, self.edge, grain, held)
         if grain is None or shares is None:
-            set_badge(self.light, "No grain", "quiet")
             return
-        if grain.is_sound:
-            set_badge(self.light, "● Valid: one piece, no void", "good")
-        else:
-            wrong = f"{grain.pieces} pieces" if grain.pieces > 1 else f"{grain.voids} voids"
-            set_badge(self.light, f"● Not valid: {wrong}", "bad")
-        set_badge(self.edge, "▲ At the edge of the parents' range", "amber")
         unit = unit_label(grain.avatar.unit)
         for (name, value), share in zip(grain.values.items(), shares, strict=True):
             text, words = self._cells[name]

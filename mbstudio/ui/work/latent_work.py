@@ -12,11 +12,12 @@ from jaxtyping import Float64
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.core.vae import latent as by_hand
+from mbstudio.core.metaball.topology import topology
 from mbstudio.core.vae.latent_recipe import Operation, Recipe, carried_out, style_digest
 from mbstudio.core.vae.live_grain import AT_REST, MOVING, LiveGrain, live_grain
 from mbstudio.core.vae.meaning import Meanings
-from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
+from mbstudio.core.vae.meaning_factors import MEANINGS
+from mbstudio.core.vae.parents_range import ParentsRange
 from mbstudio.core.vae.style_learner import StyleLearner
 from mbstudio.ui.latest import LatestOnly
 from mbstudio.ui.work.work import Work
@@ -27,6 +28,9 @@ log = logging.getLogger(__name__)
 
 _ANEW = ("begin", "average", "take", "between", "sum")
 """Operations for which it does not matter what was before: a recipe begins with them."""
+
+_TRIALS = 4
+"""Times as many variations are tried as are asked for, where some are no valid bodies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,51 +55,13 @@ class Stance:
         return self.operations[-1].words if self.operations else ""
 
 
-@dataclass(frozen=True, eq=False)
-class About:
-    """What is known of a style-learner beyond itself, all by its parents.
-
-    Attributes
-    ----------
-    factors : float array, shape (parents, 5)
-        Of `MEANINGS`.
-    effects, mean, reach : float array, shape (d,)
-        Of each latent variable: its effect on the surface, its mean and how far it may lie from it.
-    map : LatentMap or None
-        None where the parents differ in fewer than two directions.
-    """
-
-    factors: Float64[np.ndarray, "parents 5"]
-    effects: Float64[np.ndarray, " d"]
-    mean: Float64[np.ndarray, " d"]
-    reach: Float64[np.ndarray, " d"]
-    map: by_hand.LatentMap | None
-
-    @classmethod
-    def of(cls, learner: StyleLearner) -> About:
-        """Measure a style-learner's parents: about half a second for 300."""
-        try:
-            plane = by_hand.latent_map(learner)
-        except MbstudioError:
-            plane = None
-        return cls(
-            meaning_factors(learner.decode(learner.latents)), by_hand.effects(learner),
-            by_hand.mean_latent(learner), by_hand.farthest(learner), plane,
-        )  # fmt: skip
-
-    def share_below(self, factors: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "5"]:
-        """Return which share of the parents has less of each factor, halves of equals counted."""
-        less = (self.factors < factors).mean(axis=0)
-        return np.asarray(less + 0.5 * (self.factors == factors).mean(axis=0))
-
-
 class LatentWork(Work):
     """The grain under the hand, its history, and the gallery of kept grains.
 
     Attributes
     ----------
     learner : StyleLearner or None
-    about : About or None
+    about : ParentsRange or None
     meanings : Meanings or None
         None until they have been learned in the background.
     grain : LiveGrain or None
@@ -120,7 +86,7 @@ class LatentWork(Work):
         super().__init__(workspace, queue, parent)
         self.learner: StyleLearner | None = None
         self._wanted: StyleLearner | None = None
-        self.about: About | None = None
+        self.about: ParentsRange | None = None
         self.meanings: Meanings | None = None
         self.grain: LiveGrain | None = None
         self.kept: list[Recipe] = []
@@ -148,11 +114,11 @@ class LatentWork(Work):
         self._take(None, None)
         if learner is None:
             return
-        task = Task("Measuring the parents", lambda control: About.of(learner))
+        task = Task("Measuring the parents", lambda control: ParentsRange.of(learner))
         task.succeeded.connect(lambda about: self._take(learner, about))
         self.queue.submit(task, lane="latent", key="about")
 
-    def _take(self, learner: StyleLearner | None, about: About | None) -> None:
+    def _take(self, learner: StyleLearner | None, about: ParentsRange | None) -> None:
         if learner is not None and learner is not self._wanted:
             return
         self.learner, self.about, self.meanings, self.grain = learner, about, None, None
@@ -335,6 +301,8 @@ class LatentWork(Work):
         stance = self.stance
         if stance is None:
             return None
+        if self.learner is not None and not _is_sound(self.learner, stance.latent):
+            self.said.emit("warning", "Kept, but it is no valid body: a DEM engine would not take it.")
         return self._keep([(stance.latent, stance.operations)])[0]
 
     def keep_variations(self, sigma: float, count: int, seed: int = 0) -> list[Recipe]:
@@ -342,12 +310,21 @@ class LatentWork(Work):
         learner, stance = self.learner, self.stance
         if learner is None or stance is None:
             return []
-        made = []
-        for place in range(count):
-            given = {"sigma": sigma, "seed": seed + place, **self.locks()}
-            operation = Operation("noise", given, f"noise σ {sigma:g} (seed {seed + place})")
+        made: list[tuple[np.ndarray, tuple[Operation, ...]]] = []
+        for number in range(seed, seed + _TRIALS * count):
+            given = {"sigma": sigma, "seed": number, **self.locks()}
+            operation = Operation("noise", given, f"noise σ {sigma:g} (seed {number})")
             latent = carried_out(learner, stance.latent, operation, self.meanings)[0]
-            made.append((latent, (*stance.operations, operation)))
+            if _is_sound(learner, latent):
+                made.append((latent, (*stance.operations, operation)))
+            if len(made) == count:
+                break
+        if len(made) < count:
+            self.said.emit(
+                "warning",
+                f"Only {len(made)} of {count} variations are valid bodies: take less noise, or begin with a "
+                "valid grain.",
+            )
         return self._keep(made)
 
     def forget(self, names: Iterable[str]) -> None:
@@ -394,3 +371,7 @@ class LatentWork(Work):
         assert self.meanings is not None
         low, high = self.meanings.units(self.meanings.reach)[:, MEANINGS.index(name)]
         return float(low), float(high)
+
+
+def _is_sound(learner: StyleLearner, latent: np.ndarray) -> bool:
+    return topology(learner.decode(latent[None]).avatar(0).control).is_sound
