@@ -10,7 +10,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, Qt
-from PySide6.QtGui import QDropEvent, QGuiApplication
+from PySide6.QtGui import QDropEvent
 from PySide6.QtTest import QTest
 
 from mbstudio.core.vae import latent as hand
@@ -139,8 +139,12 @@ def test_undo_belongs_to_the_project_at_other_stations(shaping, rest):
     assert before is not None
 
 
-def test_a_double_click_leads_back_to_the_middle_and_a_box_takes_a_number(shaping, rest):
+def test_components_stand_by_their_effect_with_box_and_zero(shaping, rest, learner):
     window = shaping
+    effects = hand.effects(learner)
+    shown = [effects[k] for k in window.panels_latent.components]
+    assert shown == sorted(shown, reverse=True)
+    assert shown[0] == effects.max()
     work, k = window.latents, next(iter(window.panels_latent.components))
     slider = window.panels_latent.components[k]
     slider.box.setValue(slider.box.maximum() / 2)
@@ -149,13 +153,6 @@ def test_a_double_click_leads_back_to_the_middle_and_a_box_takes_a_number(shapin
     QTest.mouseDClick(slider.slider, Qt.MouseButton.LeftButton, pos=QPoint(20, slider.slider.height() // 2))
     rest()
     assert work.stance.latent[k] == pytest.approx(work.about.mean[k], abs=1e-9)
-
-
-def test_components_come_in_the_order_of_their_effect(shaping, learner):
-    effects = hand.effects(learner)
-    shown = [effects[k] for k in shaping.panels_latent.components]
-    assert shown == sorted(shown, reverse=True)
-    assert shown[0] == effects.max()
 
 
 def test_noise_replaces_itself_and_respects_locks(shaping, rest):
@@ -226,7 +223,7 @@ def test_more_like_this_keeps_variations(shaping, rest):
     assert all(not item.icon().isNull() for item in map(window.gallery.kept.item, range(3)))
 
 
-def test_the_ends_of_the_interpolation_are_a_and_b(shaping, rest, learner):
+def test_the_ends_of_the_interpolation_are_a_and_b_and_sums_add_up(shaping, rest, learner):
     window, blend = shaping, shaping.studio.blend
     window.studio.open_page("Blend")
     names = learner.parents.names
@@ -255,25 +252,18 @@ def test_the_ends_of_the_interpolation_are_a_and_b(shaping, rest, learner):
     assert changed(first, window.viewport.picture()) > 0.005
     QTest.mouseClick(blend.strip[2], Qt.MouseButton.LeftButton)
     assert window.latents.stance.operations[-1].given["share"] == STRIP[2]
+    # Arithmetic: what a grain differs from itself by, added to a third, leaves the third.
+    for letter, row in (("A", 4), ("B", 4), ("C", 7)):
+        window.shaping.pick(letter, names[row])
+    blend.told.setChecked(False)
+    blend.apply.click()
+    rest()
+    np.testing.assert_allclose(window.latents.stance.latent, learner.latents[7], atol=1e-9)
+    assert not blend.terms["="].picture.pixmap().isNull()
 
 
-def test_play_runs_from_a_to_b(shaping, rest, qtbot, learner):
+def test_ghosts_show_around_the_grain_and_play_runs_from_a_to_b(shaping, rest, qtbot, learner):
     window, blend = shaping, shaping.studio.blend
-    for letter, row in (("A", 0), ("B", 5)):
-        window.shaping.pick(letter, learner.parents.names[row])
-    rest()
-    shown = []
-    window.latents.grain_changed.connect(lambda: shown.append(window.latents.grain.latent))
-    blend.play.setChecked(True)
-    qtbot.waitUntil(lambda: len(shown) > 4, timeout=PATIENCE)
-    blend.play.setChecked(False)
-    rest()
-    assert not blend.is_playing
-    assert np.abs(shown[0] - shown[3]).max() > 1e-6
-
-
-def test_ghosts_of_a_and_b_show_around_the_grain(shaping, rest, learner):
-    window = shaping
     for letter, row in (("A", 1), ("B", 6)):
         window.shaping.pick(letter, learner.parents.names[row])
     rest()
@@ -284,24 +274,27 @@ def test_ghosts_of_a_and_b_show_around_the_grain(shaping, rest, learner):
     window.studio.blend.ghosts.setChecked(False)
     rest()
     assert not window.link.is_shown("ghost_a")
-
-
-def test_arithmetic_of_a_grain_with_itself_leaves_the_third(shaping, rest, learner):
-    window, blend = shaping, shaping.studio.blend
-    window.studio.open_page("Blend")
-    for letter, row in (("A", 4), ("B", 4), ("C", 7)):
-        window.shaping.pick(letter, learner.parents.names[row])
-    blend.told.setChecked(False)
-    blend.apply.click()
+    shown = []
+    window.latents.grain_changed.connect(lambda: shown.append(window.latents.grain.latent))
+    blend.play.setChecked(True)
+    qtbot.waitUntil(lambda: len(shown) > 4, timeout=PATIENCE)
+    blend.play.setChecked(False)
     rest()
-    np.testing.assert_allclose(window.latents.stance.latent, learner.latents[7], atol=1e-9)
-    assert not blend.terms["="].picture.pixmap().isNull()
+    assert not blend.is_playing
+    assert np.abs(shown[0] - shown[3]).max() > 1e-6
 
 
-def test_a_click_on_the_map_shows_the_grain_there(shaping, rest):
+def test_a_click_on_the_map_shows_the_grain_there_after_a_storm_of_events(shaping, rest):
     window, plot = shaping, shaping.studio.map
     window.studio.open_page("Map")
     QCoreApplication.processEvents()
+    k = next(iter(window.panels_latent.components))
+    # A storm of events ends with the last; those in between are dropped.
+    for value in (values := np.linspace(-0.5, 0.5, 40)):
+        window.latents.preview(Operation("component", {"component": k, "to": float(value)}))
+    rest()
+    assert window.latents.grain.latent[k] == pytest.approx(values[-1])
+    assert window.latents.live.dropped > 0
     before = window.viewport.picture()
     place = np.array([0.8, -0.6])
     QTest.mouseClick(plot.viewport(), Qt.MouseButton.LeftButton, pos=plot.pixel_of(place).toPoint())
@@ -311,7 +304,7 @@ def test_a_click_on_the_map_shows_the_grain_there(shaping, rest):
     assert window.latents.stance.operations[-1].kind == "place"
 
 
-def test_the_factors_say_where_the_grain_stands_among_the_parents(shaping, rest, learner):
+def test_factors_among_the_parents_and_far_outside_in_amber(shaping, rest, learner):
     window, work = shaping, shaping.latents
     factors = work.about.factors
     row = MEANINGS.index("csf")
@@ -325,10 +318,7 @@ def test_the_factors_say_where_the_grain_stands_among_the_parents(shaping, rest,
     assert page.light.text() == "● Valid"
     assert standing("size", 0.85) == "larger than 85 %"
     assert standing("roughness", 0.0) == "smoother than all parents"
-
-
-def test_far_outside_is_held_and_shown_in_amber(shaping, rest):
-    window, work = shaping, shaping.latents
+    # Far outside is held and shown in amber.
     k = next(iter(window.panels_latent.components))
     work.commit(Operation("component", {"component": k, "to": 1e4}, "far"))
     rest()
@@ -366,16 +356,6 @@ def test_the_last_wish_wins_and_none_queues_up(qtbot):
     assert latest.close()
 
 
-def test_a_storm_of_events_ends_with_the_last(shaping, rest):
-    work, k = shaping.latents, next(iter(shaping.panels_latent.components))
-    values = np.linspace(-0.5, 0.5, 40)
-    for value in values:
-        work.preview(Operation("component", {"component": k, "to": float(value)}))
-    rest()
-    assert work.grain.latent[k] == pytest.approx(values[-1])
-    assert work.live.dropped > 0
-
-
 def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tmp_path):
     window = shaping
     for letter, row in (("A", 1), ("B", 6)):
@@ -390,11 +370,3 @@ def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tm
     with pytest.raises(AnimationError, match="ending"):
         require_writer(tmp_path / "morph.avi")
     assert not list(tmp_path.glob(".*"))
-
-
-def test_light_and_dark(shaping, rest, theme):
-    picture = shaping.viewport.picture()
-    theme.choose("dark")
-    rest()
-    assert changed(picture, shaping.viewport.picture()) > 0.5
-    assert QGuiApplication.platformName()
