@@ -53,6 +53,7 @@ class LatentLink(QObject):
         work.style_taken.connect(self._take_style)
         work.meanings_changed.connect(self._show_letters)
         work.grain_changed.connect(self._show_grain)
+        work.stepped.connect(blend.stop)
         work.kept_changed.connect(self._show_kept)
         work.said.connect(self._window.messages.say)
         for signal in (work.stepped, work.kept_changed, work.style_taken):
@@ -83,7 +84,7 @@ class LatentLink(QObject):
 
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
-        self._dock.blend.play.setChecked(False)
+        self._dock.blend.stop()
         grains = self._window.workspace.state.grains
         scan = self._window.workspace.scan
         if grains is not None or scan is not None:

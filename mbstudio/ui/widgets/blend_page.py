@@ -173,6 +173,12 @@ class BlendPage(QWidget):
         """Show a step between A and B."""
         self.strip[place].set_grain(f"{STRIP[place]:g}", picture)
 
+    def stop(self) -> None:
+        """Stop playing without taking what is shown: something else was done."""
+        if self._beat.isActive():
+            self._beat.stop()
+            self.play.setChecked(False)
+
     @property
     def is_playing(self) -> bool:
         """Whether the way is being played."""

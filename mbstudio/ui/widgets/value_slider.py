@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QRect, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QDoubleSpinBox,
@@ -39,25 +39,33 @@ class DragSlider(QSlider):
         self.setPageStep(STEPS // 20)
         self.setSingleStep(STEPS // 100)
         self.zero: float | None = None
+        self._grip = 0.0
 
-    def _value_at(self, x: float) -> int:
+    def _handle(self) -> QRect:
         option = QStyleOptionSlider()
         self.initStyleOption(option)
-        style, part = self.style(), QStyle.SubControl.SC_SliderHandle
-        handle = style.subControlRect(QStyle.ComplexControl.CC_Slider, option, part, self).width()
-        room = self.width() - handle
-        return QStyle.sliderValueFromPosition(0, STEPS, round(x - handle / 2), room)
+        part = QStyle.SubControl.SC_SliderHandle
+        return self.style().subControlRect(QStyle.ComplexControl.CC_Slider, option, part, self)
+
+    def _value_at(self, x: float) -> int:
+        wide = self._handle().width()
+        return QStyle.sliderValueFromPosition(0, STEPS, round(x - wide / 2), self.width() - wide)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         if event.button() != Qt.MouseButton.LeftButton:
             event.ignore()
             return
+        handle, x = self._handle(), event.position().x()
+        on_it = handle.left() <= x <= handle.right()
+        # Pressed beside its middle, the handle stays where it is.
+        self._grip = x - handle.center().x() if on_it else 0.0
         self.setSliderDown(True)
-        self.setSliderPosition(self._value_at(event.position().x()))
+        if not on_it:
+            self.setSliderPosition(self._value_at(x))
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         if self.isSliderDown():
-            self.setSliderPosition(self._value_at(event.position().x()))
+            self.setSliderPosition(self._value_at(event.position().x() - self._grip))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         if event.button() == Qt.MouseButton.LeftButton and self.isSliderDown():
@@ -102,6 +110,7 @@ class ValueSlider(QWidget):
         super().__init__()
         self.title = title
         self._low, self._high, self._zero, self._value = 0.0, 1.0, 0.0, 0.0
+        self._dragged = False
         self._read: Callable[[float], float] = float
         self._write: Callable[[float], float] = float
         self.slider, self.box, self.lock = DragSlider(), QDoubleSpinBox(), QToolButton()
@@ -197,12 +206,15 @@ class ValueSlider(QWidget):
         self._value = self._low + (self._high - self._low) * place / STEPS
         self._show_in_box(self._value)
         if self.slider.isSliderDown():
+            self._dragged = True
             self.moved.emit(self._value)
         else:
             self.settled.emit(self._value)
 
     def _released(self) -> None:
-        self.settled.emit(self._value)
+        if self._dragged:
+            self._dragged = False
+            self.settled.emit(self._value)
 
     def _settle(self, value: float) -> None:
         value = min(max(value, self._low), self._high)
