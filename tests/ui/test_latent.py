@@ -370,3 +370,17 @@ def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tm
     with pytest.raises(AnimationError, match="ending"):
         require_writer(tmp_path / "morph.avi")
     assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.gl
+def test_the_real_viewport_follows_the_slider(shaping, rest, qtbot):
+    window = shaping
+    assert window.viewport.kind == "OpenGL"
+    before = window.viewport.picture()
+    drag(window.panels_latent.meanings["csf"].slider, 0.5, 0.3, 0.15)
+    rest()
+    qtbot.wait(50)
+    assert changed(before, window.viewport.picture()) > 0.02
+    window.commands.run("edit.undo")
+    rest()
+    assert changed(before, window.viewport.picture()) < 0.001

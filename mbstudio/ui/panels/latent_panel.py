@@ -37,7 +37,7 @@ class LatentPanel(Panel):
     style_asked = Signal()
 
     def __init__(self, work: LatentWork, icons: Icons) -> None:
-        super().__init__("Latent studio", "Shape a grain by hand: the view follows the slider.")
+        super().__init__("Latent studio", "The surface follows the slider.")
         self._work, self._icons = work, icons
         self._seed = 0
         self._no_style()
@@ -217,8 +217,8 @@ class LatentPanel(Panel):
             slider.lock.setChecked(False)
         if learner is not None:
             self._about.setText(
-                f"Style of {len(learner.parents)} parents, preset “{learner.preset}”, {learner.dimension} "
-                "latent variables. Double-click a grain below to begin with it."
+                f"{len(learner.parents)} parents, preset “{learner.preset}”, {learner.dimension} latent "
+                "variables. Double-click a grain below to begin with it."
             )
             assert work.about is not None
             self._order = [int(k) for k in np.argsort(-work.about.effects) if work.about.reach[k] > 1e-9]
@@ -232,16 +232,20 @@ class LatentPanel(Panel):
         assert stance is not None
         for k in self._order[len(self.components) : len(self.components) + count]:
             slider = ValueSlider(
-                f"z{k + 1}", self._icons, f"Changes the surface by {100 * about.effects[k]:.2g} % (rms)"
+                f"z{k + 1}", self._icons, "Its effect: how much of the radius one deviation changes (rms)."
             )
             slider.set_range(about.mean[k] - about.reach[k], about.mean[k] + about.reach[k], about.mean[k])
-            slider.set_value(float(stance.latent[k]))
+            slider.set_value(float(stance.latent[k]), self._effect(k))
             slider.moved.connect(lambda to, k=k: self._work.preview(_component(k, to)))
             slider.settled.connect(lambda to, k=k: self._work.commit(_component(k, to)))
             slider.lock_changed.connect(lambda on, k=k: self._lock(k, on))
             self.components[k] = slider
             self._component_box.addWidget(slider)
         self.more.setVisible(len(self.components) < len(self._order))
+
+    def _effect(self, k: int) -> str:
+        about = self._work.about
+        return "" if about is None else f"effect {100 * about.effects[k]:.2g} %"
 
     def _lock(self, k: int, on: bool) -> None:
         locked = self._work.locked_components
@@ -284,7 +288,7 @@ class LatentPanel(Panel):
                 slider.set_value(float(units[row]), standing(name, float(shares[row])))
                 slider.set_amber(work.is_held and not 0.0 < shares[row] < 1.0)
         for k, slider in self.components.items():
-            slider.set_value(float(grain.latent[k]))
+            slider.set_value(float(grain.latent[k]), self._effect(k))
             slider.set_amber(work.is_held and abs(grain.latent[k] - about.mean[k]) > 0.999 * about.reach[k])
 
     def _show_steps(self) -> None:
