@@ -10,8 +10,7 @@ from jaxtyping import Float
 View = Literal["isometric", "front", "back", "left", "right", "top", "bottom"]
 MARGIN = 1.14  # of free space around what is fitted
 
-# Direction from the focal point to the camera, and the direction that is up.
-_VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+DIRECTIONS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "isometric": ((1.0, -1.35, 0.9), (0, 0, 1)),
     "front": ((0, -1, 0), (0, 0, 1)),
     "back": ((0, 1, 0), (0, 0, 1)),
@@ -20,12 +19,13 @@ _VIEWS: dict[View, tuple[tuple[float, float, float], tuple[float, float, float]]
     "top": ((0, 0, 1), (0, 1, 0)),
     "bottom": ((0, 0, -1), (0, 1, 0)),
 }
-VIEWS: tuple[View, ...] = tuple(_VIEWS)
+"""Of each view: from the focal point to the camera, and what is up."""
+VIEWS: tuple[View, ...] = tuple(DIRECTIONS)
 
 
 def turn(renderer: Any, view: View) -> None:
     """Turn the camera to a preset direction."""
-    away, up = _VIEWS[view]
+    away, up = DIRECTIONS[view]
     camera = renderer.GetActiveCamera()
     camera.SetPosition(*(np.array(camera.GetFocalPoint()) + np.array(away)))
     camera.SetViewUp(*up)
@@ -48,6 +48,19 @@ def return_to(renderer: Any, place: tuple[Any, ...]) -> None:
     camera.SetViewUp(*up)
     camera.SetParallelScale(scale)
     renderer.ResetCameraClippingRange()
+
+
+def shows(renderer: Any, points: Float[np.ndarray, "m 3"]) -> bool:
+    """Return whether all points are in the picture."""
+    camera = renderer.GetActiveCamera()
+    away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
+    away = away / (np.linalg.norm(away) or 1.0)
+    right = np.cross(camera.GetViewUp(), away)
+    right /= np.linalg.norm(right) or 1.0
+    seen = np.abs((points - camera.GetFocalPoint()) @ np.array([right, np.cross(away, right)]).T)
+    width, height = renderer.GetSize()
+    half = camera.GetParallelScale()
+    return bool((seen.max(axis=0) <= [half * width / max(height, 1), half]).all())
 
 
 def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:

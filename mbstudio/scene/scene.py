@@ -27,9 +27,17 @@ from mbstudio.scene.volume import VolumeVoxels, add_volume
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
 
-Layer = Literal["slices", "volume", "grains", "avatars", "grain", "avatar", "points"]
+Layer = Literal[
+    "slices", "volume", "grains", "avatars", "grain", "avatar", "points", "live", "ghost_a", "ghost_b"
+]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 LABELLED: tuple[Layer, ...] = ("grains", "avatars")
+SEE_THROUGH: tuple[Layer, ...] = ("grain", "ghost_a", "ghost_b")
+COLOURS: dict[Layer, str] = {
+    "grain": "grain", "avatar": "avatar", "points": "points",
+    "live": "avatar", "ghost_a": "grain", "ghost_b": "points",
+}  # fmt: skip
+"""Which of the theme's colours each single surface has."""
 
 __all__ = ["LAYERS", "VIEWS", "Layer", "Scene", "View"]
 
@@ -56,7 +64,9 @@ class Scene:
         self.chosen: frozenset[int] = frozenset()
         self._scan: Scan | None = None
         self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
-        self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0, "points": 1.0}
+        self._opacity: dict[Layer, float] = {
+            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22
+        }  # fmt: skip
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
         self._others: pv.Actor | None = None
@@ -85,7 +95,7 @@ class Scene:
             self._box = None
         if scan is None:
             return
-        self._set_unit(scan.unit)
+        self.set_unit(scan.unit)
         self.slices = SlicePlanes(self.plotter, scan, self.theme.axes)
         self.slices.set_visible(self._visible["slices"])
         low = np.array(scan.origin) - np.array(scan.voxel_size.xyz) / 2
@@ -124,15 +134,29 @@ class Scene:
 
     def set_grain(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show one grain's surface."""
-        self._set_surface("grain", surface, self.theme.grain, unit)
+        self._set_surface("grain", surface, unit)
 
     def set_avatar(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show one avatar's surface."""
-        self._set_surface("avatar", surface, self.theme.avatar, unit)
+        self._set_surface("avatar", surface, unit)
 
     def set_points(self, spheres: Surface | None) -> None:
         """Show an avatar's control points (:func:`~mbstudio.scene.surfaces.control_points`)."""
-        self._set_surface("points", spheres, self.theme.points, None)
+        self._set_surface("points", spheres, None)
+
+    def set_live(self, surface: Surface | None, unit: str | None = None) -> None:
+        """Show the grain that is being shaped by hand."""
+        self._set_surface("live", surface, unit)
+
+    def set_ghosts(self, first: Surface | None, second: Surface | None) -> None:
+        """Show two grains through which one can see, as what the live one lies between."""
+        self._set_surface("ghost_a", first, None)
+        self._set_surface("ghost_b", second, None)
+
+    def set_unit(self, unit: str | None) -> None:
+        """Take another unit of the coordinates, for the scale bar; None leaves it."""
+        if unit is not None:
+            self.unit = self._bar.unit = unit
 
     def set_others(self, surface: Surface | None) -> None:
         """Show the surface of the chosen grains beside the selected one, solid within the overview."""
@@ -170,7 +194,7 @@ class Scene:
 
     def set_gallery(self, surface: Surface | None, unit: str | None = None) -> None:
         """Lay bodies out next to each other (:func:`~mbstudio.scene.gallery.tray_surface`)."""
-        self._set_unit(unit)
+        self.set_unit(unit)
         self.gallery.show(surface)
         self._apply_visibility()
 
@@ -215,9 +239,9 @@ class Scene:
             self._box.prop.color = theme.ink
         if self.slices is not None:
             self.slices.recolour(theme.axes)
-        for layer, colour in (("grain", theme.grain), ("avatar", theme.avatar), ("points", theme.points)):
+        for layer, name in COLOURS.items():
             if layer in self._actors:
-                self._actors[layer].prop.color = colour
+                self._actors[layer].prop.color = getattr(theme, name)
         if self._others is not None:
             self._others.prop.color = theme.grain
         for layer in LABELLED:
@@ -250,6 +274,12 @@ class Scene:
         if points is not None:
             camera.fit(self._renderer, points)
 
+    def fit_if_cut(self) -> None:
+        """Bring what is shown into the picture if a part of it lies outside."""
+        points = self.points()
+        if points is not None and not camera.shows(self._renderer, points):
+            camera.fit(self._renderer, points)
+
     def look_from(self, view: View) -> None:
         """Turn to one of the preset views and fit."""
         camera.turn(self._renderer, view)
@@ -262,7 +292,7 @@ class Scene:
         if self._box is not None and self._box.GetVisibility():
             found.append(np.asarray(self._box.mapper.dataset.points))
         else:
-            for layer in ("grains", "avatars", "grain", "avatar"):
+            for layer in ("grains", "avatars", *COLOURS):
                 if layer in self._actors and self._visible[layer]:
                     points = np.asarray(self._actors[layer].mapper.dataset.points)
                     found.append(points[:: max(1, len(points) // 20_000)])
@@ -290,12 +320,8 @@ class Scene:
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _set_unit(self, unit: str | None) -> None:
-        if unit is not None:
-            self.unit = self._bar.unit = unit
-
-    def _set_surface(self, layer: Layer, surface: Surface | None, colour: str, unit: str | None) -> None:
-        self._set_unit(unit)
+    def _set_surface(self, layer: Layer, surface: Surface | None, unit: str | None) -> None:
+        self.set_unit(unit)
         if surface is None or not len(surface.triangles):
             self._remove(layer)
         elif layer in self._actors:
@@ -303,48 +329,32 @@ class Scene:
             self._actors[layer].mapper.dataset = surface.poly_data()
         else:
             self._actors[layer] = self.plotter.add_mesh(
-                surface.poly_data(),
-                color=colour,
-                smooth_shading=False,
-                specular=0.15,
-                specular_power=25,
-                ambient=0.12,
-                name=layer,
-                pickable=layer != "points",
-                reset_camera=False,
-                render=False,
-                show_scalar_bar=False,
-            )
+                surface.poly_data(), color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
+                specular=0.15, specular_power=25, ambient=0.12, name=layer, pickable=layer != "points",
+                reset_camera=False, render=False, show_scalar_bar=False,
+            )  # fmt: skip
             self._actors[layer].prop.interpolation = "Phong"
             self._actors[layer].prop.opacity = self.opacity(layer)
             # Depth peeling loses see-through surfaces on OSMesa. Without back faces and with the
             # grain drawn after the avatar inside it, plain blending is right.
             self._actors[layer].prop.culling = "back"
-            if layer != "grain" and "grain" in self._actors:
-                self._renderer.RemoveActor(self._actors["grain"])
-                self._renderer.AddActor(self._actors["grain"])
+            for other in SEE_THROUGH:
+                if layer not in SEE_THROUGH and other in self._actors:
+                    self._renderer.RemoveActor(self._actors[other])
+                    self._renderer.AddActor(self._actors[other])
         self._apply_visibility()
 
     def _set_labelled(self, layer: Layer, surface: Surface | None, unit: str | None) -> None:
-        self._set_unit(unit)
+        self.set_unit(unit)
         self._remove(layer)
         if surface is not None and len(surface.triangles):
             mesh = surface.poly_data()
             self._overviews[layer] = mesh
             mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
             self._actors[layer] = self.plotter.add_mesh(
-                mesh,
-                scalars="colour",
-                rgb=True,
-                smooth_shading=False,
-                specular=0.1,
-                specular_power=20,
-                ambient=0.1,
-                name=layer,
-                reset_camera=False,
-                render=False,
-                show_scalar_bar=False,
-            )
+                mesh, scalars="colour", rgb=True, smooth_shading=False, specular=0.1, specular_power=20,
+                ambient=0.1, name=layer, reset_camera=False, render=False, show_scalar_bar=False,
+            )  # fmt: skip
             self._actors[layer].prop.interpolation = "Phong"
             self._actors[layer].prop.culling = "back"
             self.select(self.selected, self.chosen)

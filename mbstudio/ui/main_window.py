@@ -13,6 +13,7 @@ from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
+from mbstudio.ui.latent_link import LatentLink
 from mbstudio.ui.population_link import PopulationLink
 from mbstudio.ui.style_link import StyleLink
 from mbstudio.ui.theme import Theme
@@ -27,6 +28,7 @@ from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.work.export_work import ExportWork
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.grain_work import GrainWork
+from mbstudio.ui.work.latent_work import LatentWork
 from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.work.project_work import ProjectWork
 from mbstudio.ui.work.scan_work import ScanWork
@@ -63,6 +65,7 @@ class MainWindow(WindowLayout):
         self.sweeps = SweepWork(self.workspace, self.queue, self)
         self.styles = StyleWork(self.workspace, self.queue, self)
         self.clones = CloneWork(self.workspace, self.queue, self)
+        self.latents = LatentWork(self.workspace, self.queue, self)
         self.exports = ExportWork(self.workspace, self.queue, self)
         self.projects = ProjectWork(self.workspace, self.queue, self)
         self.messages = MessageBar(self.icons)
@@ -79,6 +82,7 @@ class MainWindow(WindowLayout):
         self._make_docks()
         self.brushing = PopulationLink(self)
         self.style_link = StyleLink(self)
+        self.shaping = LatentLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()
@@ -108,7 +112,7 @@ class MainWindow(WindowLayout):
         space.project_replaced.connect(lambda: self.enter("scan"))
         space.scan_changed.connect(self._scan_changed)
         space.grains_changed.connect(lambda: self.table.content.set_grains(space.state.grains))
-        space.grains_changed.connect(self._show_docks)
+        space.grains_changed.connect(self.show_docks)
         space.fits_changed.connect(lambda: self.table.content.set_fits(space.state.fits))
         space.selection_changed.connect(self._selection_changed)
         space.fits_changed.connect(self._show_curve_of_fit)
@@ -155,7 +159,9 @@ class MainWindow(WindowLayout):
     def has_view(self) -> bool:
         """Whether there is something in the 3-D view."""
         state = self.workspace.state
-        return self.workspace.scan is not None or state.grains is not None or state.clones is not None
+        shaping = self.station == "latent" and self.latents.learner is not None
+        there = self.workspace.scan is not None or state.grains is not None or state.clones is not None
+        return shaping or there
 
     @property
     def may_find_grains(self) -> bool:
@@ -170,13 +176,8 @@ class MainWindow(WindowLayout):
         if self._closing:
             return
         self.commands.refresh()
-        history = self.workspace.project.history
-        self.commands.action("edit.undo").setText(
-            f"Undo: {history.undo_title}" if history.can_undo else "Undo"
-        )
-        self.commands.action("edit.redo").setText(
-            f"Redo: {history.redo_title}" if history.can_redo else "Redo"
-        )
+        for verb, words in zip(("Undo", "Redo"), self.shaping.history(), strict=True):
+            self.commands.action(f"edit.{verb.lower()}").setText(f"{verb}: {words}" if words else verb)
         for button, command in (
             (self.panels_grains.find_button, "grains.find"),
             (self.panels_grains.load_button, "grains.load"),
@@ -223,22 +224,17 @@ class MainWindow(WindowLayout):
 
     def export(self) -> None:
         """Export as the panel says."""
-        panel = self.panels_export
-        folder, clones = panel.folder_path, panel.clones()
-        if folder is not None:
+        if self.panels_export.folder_path is not None:
             self.enter("export")
-            if clones is not None:
-                self.exports.export_clones(clones, panel.target_name, folder, **panel.given())
-            else:
-                self.exports.export(panel.labels(), panel.target_name, folder, **panel.given())
+            self.panels_export.start(self.exports)
 
     def undo(self) -> None:
         """Take the last change back."""
-        self.workspace.undo()
+        self.shaping.undo()
 
     def redo(self) -> None:
         """Make it again."""
-        self.workspace.redo()
+        self.shaping.redo()
 
     def cancel_task(self) -> None:
         """Cancel what the status bar shows."""
@@ -258,15 +254,18 @@ class MainWindow(WindowLayout):
 
     def enter(self, station: str) -> None:
         """Go to a station."""
-        self.station = station
+        before, self.station = self.station, station
         self.rail.show_chosen(station)
         self._stack.setCurrentWidget(self.panels[station])
         self.link.enter(station)
-        self._show_docks()
+        self.show_docks()
         if station == "populations":
             self.brushing.entered()
         if station == "style":
             self.style_link.entered()
+        if "latent" in (before, station):
+            self.shaping.entered() if station == "latent" else self.shaping.left()
+            self.refresh()
         for layer in LAYERS:
             self.commands.action(f"layer.{layer}").setVisible(layer in STATION_LAYERS[station])
         self.panels_fit.points.setChecked(self.link.is_shown("points"))
@@ -293,13 +292,13 @@ class MainWindow(WindowLayout):
         self.sweep_shown = shown
         if shown and self.station != "fit":
             self.enter("fit")
-        self._show_docks()
+        self.show_docks()
         self.commands.refresh()
 
     def reset_layout(self) -> None:
         """Put table and curve back to where they were at first."""
         self.restoreState(self._first_layout)
-        self._show_docks()
+        self.show_docks()
 
     def choose_theme(self, choice: str, _checked: bool = True) -> None:
         """Take a theme."""
@@ -374,6 +373,7 @@ class MainWindow(WindowLayout):
         self.fits.stop()
         if not self.queue.shut_down():
             log.warning("A task did not end in time.")
+        self.latents.close()
         self.link.close()
         self.viewport.close_viewport()
         self.workspace.project.close()

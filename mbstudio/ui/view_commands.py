@@ -17,7 +17,8 @@ STATIONS = (
     ("fit", "Fit", "ph.circles-three", "Fit avatars (Ctrl+3)"),
     ("populations", "Populations", "ph.chart-bar", "Compare grains and avatars (Ctrl+4)"),
     ("style", "Style", "ph.paint-brush", "Learn the form of grains, generate new ones (Ctrl+5)"),
-    ("export", "Export", "ph.export", "Write DEM files (Ctrl+6)"),
+    ("latent", "Latent", "ph.sliders-horizontal", "Shape grains by hand (Ctrl+6)"),
+    ("export", "Export", "ph.export", "Write DEM files (Ctrl+7)"),
 )
 
 _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
@@ -28,6 +29,9 @@ _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
     ("avatar", "Avatar", "ph.circles-three", "Surface of the chosen grain's avatar"),
     ("points", "Control points", "ph.dots-nine", "Control points of the avatar"),
     ("avatars", "All avatars", "ph.selection-all", "All avatars where their grains lie"),
+    ("live", "Live grain", "ph.hand", "The grain under the hand"),
+    ("ghost_a", "Ghost of A", "ph.ghost", "Grain A, seen through"),
+    ("ghost_b", "Ghost of B", "ph.ghost", "Grain B, seen through"),
 )
 
 

@@ -35,6 +35,7 @@ STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
     "fit": ("slices", "grain", "avatar", "points"),
     "populations": ("slices", "grains", "avatars"),
     "style": (),
+    "latent": ("live", "ghost_a", "ghost_b"),
     "export": ("slices", "grains", "avatars"),
 }
 # Longest side in voxels of overview and volume: what software renders in a fraction of a second.
@@ -87,6 +88,7 @@ class ViewLink(QObject):
             "fit": {"grain", "avatar"},
             "populations": {"grains"},
             "style": set(),
+            "latent": {"live"},
             "export": {"avatars"},
         }
         self._factors: dict[int, ShapeFactors] = {}
@@ -126,6 +128,10 @@ class ViewLink(QObject):
             self._build_volume()
         if layer == "avatars" and shown:
             self._build_avatars()
+        self._arrange()
+
+    def arrange(self) -> None:
+        """Bring the layers up to date after another part of the window changed the scene."""
         self._arrange()
 
     def fit_view(self) -> None:
@@ -336,18 +342,14 @@ class ViewLink(QObject):
 
     @property
     def shows_tray(self) -> bool:
-        """Whether clones are looked at: at station Style, and everywhere if there is nothing else."""
+        """Whether clones are looked at: at station Style, and if there is nothing else."""
         bare = self.workspace.state.grains is None and self.workspace.scan is None
-        return self.station == "style" or bare
+        return self.station == "style" or (bare and self.station != "latent")
 
     def refit_tray(self) -> None:
         """Fit the clones into a view that has another size now."""
         if self._tray.refit():
             self._draw()
-
-    def arrange(self) -> None:
-        """Show what belongs to the station, after something was put into the scene."""
-        self._arrange()
 
     # ---- arranging -------------------------------------------------------------------------------
 
@@ -372,7 +374,8 @@ class ViewLink(QObject):
         self.scene.show_layers(layers)
         self.scene.show_gallery(tray)
         single = self.station == "fit" and self.workspace.selected is not None
-        focus = (self.workspace.selected if single else None, self.scene.points() is not None)
+        latent = self.station == "latent"
+        focus = (self.workspace.selected if single else None, latent, self.scene.points() is not None)
         at_tray = self._tray.follow(tray, view is not None)
         if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.

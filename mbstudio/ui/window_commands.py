@@ -117,7 +117,6 @@ def _file(window: MainWindow) -> list[Command]:
 
 
 def _edit(window: MainWindow) -> list[Command]:
-    history = lambda: window.workspace.project.history  # noqa: E731
     return [
         Command(
             "edit.undo",
@@ -127,7 +126,7 @@ def _edit(window: MainWindow) -> list[Command]:
             "Ctrl+Z",
             "ph.arrow-counter-clockwise",
             "Take the last change back",
-            lambda: history().can_undo,
+            lambda: window.shaping.history()[0] is not None,
         ),
         Command(
             "edit.redo",
@@ -137,7 +136,7 @@ def _edit(window: MainWindow) -> list[Command]:
             "Ctrl+Shift+Z",
             "ph.arrow-clockwise",
             "Make the last undone change again",
-            lambda: history().can_redo,
+            lambda: window.shaping.history()[1] is not None,
         ),
         Command(
             "work.cancel",

@@ -26,6 +26,7 @@ from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.export_panel import ExportPanel
 from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
+from mbstudio.ui.panels.latent_panel import LatentPanel
 from mbstudio.ui.panels.population_panel import PopulationPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.panels.style_panel import StylePanel
@@ -33,7 +34,9 @@ from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_commands import STATIONS
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label
+from mbstudio.ui.widgets.gallery import Gallery
 from mbstudio.ui.widgets.grain_table import GrainTable
+from mbstudio.ui.widgets.latent_dock import LatentDock
 from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.plots import ConvergenceCurve
 from mbstudio.ui.widgets.population_dock import PopulationDock
@@ -44,6 +47,7 @@ from mbstudio.ui.widgets.welcome import Welcome
 from mbstudio.ui.window_commands import MENUS
 from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.work.latent_work import LatentWork
 from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.work.style_work import StyleWork
 from mbstudio.ui.work.sweep_work import SweepWork
@@ -79,6 +83,7 @@ class WindowLayout(QMainWindow):
     sweeps: SweepWork
     styles: StyleWork
     clones: CloneWork
+    latents: LatentWork
     messages: MessageBar
     viewport: Viewport
     commands: CommandTable
@@ -98,6 +103,7 @@ class WindowLayout(QMainWindow):
         self.panels_fit = FitPanel(self.workspace, self.fits, self.icons)
         self.panels_populations = PopulationPanel(self.workspace, self.populations)
         self.panels_style = StylePanel(self.workspace, self.styles, self.clones)
+        self.panels_latent = LatentPanel(self.latents, self.icons)
         self.panels_export = ExportPanel(self.workspace)
         self.panels = {
             "scan": self.panels_scan,
@@ -105,6 +111,7 @@ class WindowLayout(QMainWindow):
             "fit": self.panels_fit,
             "populations": self.panels_populations,
             "style": self.panels_style,
+            "latent": self.panels_latent,
             "export": self.panels_export,
         }
         self.rail = Rail(list(STATIONS), self.icons)
@@ -137,10 +144,18 @@ class WindowLayout(QMainWindow):
         right = Qt.DockWidgetArea.RightDockWidgetArea
         self.plots_dock = self._dock("plots", "Plots of populations", self.plots, right)
         self.sweep_dock = self._dock("sweep", "Sweep over n", self.sweep, right)
+        self.studio, self.gallery = LatentDock(self.theme, self.icons), Gallery(self.icons)
+        self.studio_dock = self._dock("studio", "Latent studio", self.studio, right)
+        self.gallery_dock = self._dock("gallery", "Gallery", self.gallery, bottom)
         # Plots need the height more than the table needs the width.
         self.setCorner(Qt.Corner.BottomRightCorner, right)
         for dock in (self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock, self.style_dock):
             dock.setTitleBarWidget(self._dock_title(dock))
+        for dock in (self.studio_dock, self.gallery_dock):
+            dock.setTitleBarWidget(QWidget())
+        for dock in self.findChildren(QDockWidget):
+            if dock is self.side_dock:
+                continue
             # Never floating: what is undocked gets lost behind the window.
             dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
 
@@ -236,7 +251,8 @@ class WindowLayout(QMainWindow):
             action.triggered.connect(lambda _checked=False, chosen=path: self.files.open_path(chosen))
         self._recent_menu.setEnabled(bool(recent))
 
-    def _show_docks(self) -> None:
+    def show_docks(self) -> None:
+        """Show the docks of the station, hide the others."""
         there = self.workspace.state.grains is not None
         sweeping = self.station == "fit" and self.sweep_shown
         self.table_dock.setVisible(self.station in ("grains", "fit", "populations") and there)
@@ -246,7 +262,10 @@ class WindowLayout(QMainWindow):
         self.style_dock.setVisible(self.station == "style")
         if self.station == "style":
             self.resizeDocks([self.style_dock], [282], Qt.Orientation.Vertical)
-        for dock in (self.sweep_dock, self.plots_dock):
+        shaping = self.station == "latent" and self.latents.learner is not None
+        self.studio_dock.setVisible(shaping)
+        self.gallery_dock.setVisible(shaping)
+        for dock in (self.sweep_dock, self.plots_dock, self.studio_dock):
             if dock.isVisible() and dock not in self._sized:
                 self._sized.append(dock)
                 self.resizeDocks([dock], [max(400, self.width() // 3)], Qt.Orientation.Horizontal)

@@ -8,7 +8,7 @@ the regression misses is corrected on the decoded grain itself.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,9 +20,12 @@ from mbstudio.core.vae.factor_regression import FactorRegression
 from mbstudio.core.vae.latent import checked_latent
 from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
 from mbstudio.core.vae.sampling import flip_moments
+from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.style_learner import StyleLearner
 
 _SAMPLES = 2000
+_PART = 50
+"""Grains measured between two reports of progress."""
 _STEP = 0.5
 """Longest step, in standard deviations of a factor, for which the regression's slope is taken as constant."""
 _CORRECTIONS = 4
@@ -67,7 +70,10 @@ class Meanings:
     covariance: Float[np.ndarray, "d d"]
 
     @classmethod
-    def of(cls, learner: StyleLearner, seed: int = 0, samples: int | None = None) -> Meanings:
+    def of(
+        cls, learner: StyleLearner, seed: int = 0, samples: int | None = None, *,
+        on_progress: Callable[[float], object] | None = None,
+    ) -> Meanings:  # fmt: skip
         """Return the meaning directions of a style-learner, learned from grains that it draws.
 
         Parameters
@@ -76,6 +82,8 @@ class Meanings:
         seed : int
         samples : int, optional
             Grains drawn, 2,000 by default: some seconds.
+        on_progress : callable, optional
+            Told how far it is, 0 to 1; what it raises ends the work.
 
         Raises
         ------
@@ -91,7 +99,7 @@ class Meanings:
                 "Learn from grains that differ."
             )
         drawn = learner.sample(samples or _SAMPLES, seed)
-        found = meaning_factors(drawn.serialization)
+        found = _measured_in_parts(drawn.serialization, on_progress)
         regression = FactorRegression.of(drawn.latents, found, learner.signs)
         signs = np.ones((8, learner.dimension)) if learner.signs is None else learner.signs
         covariance = flip_moments(learner.latents, signs)[1]
@@ -284,6 +292,17 @@ class Meanings:
                 raise StyleError(f"'{name}' is no meaning of the latent space: use {', '.join(MEANINGS)}.")
             if not np.isfinite(value):
                 raise StyleError(f"'{name}' cannot be {value}: give a finite number.")
+
+
+def _measured_in_parts(
+    drawn: Serialization, on_progress: Callable[[float], object] | None
+) -> Float64[np.ndarray, "avatars 5"]:
+    parts = []
+    for start in range(0, len(drawn), _PART):
+        parts.append(meaning_factors(drawn.take(range(start, min(start + _PART, len(drawn))))))
+        if on_progress is not None:
+            on_progress(0.9 * (start + len(parts[-1])) / len(drawn))
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,9 @@ from mbstudio.ui.workspace import Workspace
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.generation import Generation
+    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.style_learner import StyleLearner
+    from mbstudio.ui.work.export_work import ExportWork
 
 UNITS = ("um", "mm", "cm", "m")
 
@@ -46,6 +50,8 @@ class ExportPanel(Panel):
         super().__init__("Export", "Hand the avatars over to a DEM engine.")
         self._workspace = workspace
         self._clones: Generation | None = None
+        self.kept: list[Recipe] = []
+        self._learner: StyleLearner | None = None
         self.target = QComboBox()
         for name, target in targets().items():
             self.target.addItem(target.title, name)
@@ -112,7 +118,7 @@ class ExportPanel(Panel):
         """Labels of the avatars that are to be written."""
         fits = self._workspace.state.fits
         kind = self.selection.currentData()
-        if kind == "clones":
+        if kind in ("clones", "kept"):
             return []
         if kind == "chosen":
             chosen = self._workspace.selected
@@ -128,14 +134,27 @@ class ExportPanel(Panel):
         self._clones = clones
         self.refresh()
 
+    def kept_grains(self) -> tuple[StyleLearner, list[Recipe]] | None:
+        """Return the kept grains with the style-learner that decodes them, where they were chosen."""
+        if self.selection.currentData() != "kept" or self._learner is None or not self.kept:
+            return None
+        return self._learner, self.kept
+
+    def set_kept(self, kept: Sequence[Recipe], learner: StyleLearner | None) -> None:
+        """Offer the kept grains of the latent studio."""
+        self.kept, self._learner = list(kept), learner
+        self.refresh()
+
     def choose(self, kind: str) -> None:
-        """Choose which avatars are written: 'valid', 'all', 'chosen' or 'clones'."""
+        """Choose which avatars are written: 'valid', 'all', 'chosen', 'clones' or 'kept'."""
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
 
     @property
     def count(self) -> int:
         """How many avatars are to be written."""
-        clones = self.clones()
+        clones, kept = self.clones(), self.kept_grains()
+        if kept is not None:
+            return len(kept[1])
         return len(self.labels()) if clones is None else len(clones)
 
     def given(self) -> dict[str, Any]:
@@ -153,6 +172,18 @@ class ExportPanel(Panel):
         """Whether something can be exported as set."""
         return self.count > 0 and self.folder_path is not None
 
+    def start(self, exports: ExportWork) -> None:
+        """Let what was chosen be written."""
+        folder, clones, kept = self.folder_path, self.clones(), self.kept_grains()
+        if folder is None:
+            return
+        if clones is not None:
+            exports.export_clones(clones, self.target_name, folder, **self.given())
+        elif kept is not None:
+            exports.export_kept(*kept, self.target_name, folder, **self.given())
+        else:
+            exports.export(self.labels(), self.target_name, folder, **self.given())
+
     # ---- keeping in step -----------------------------------------------------------------------
 
     def refresh(self) -> None:
@@ -169,12 +200,16 @@ class ExportPanel(Panel):
         if self._clones is not None:
             self.selection.addItem(f"Clones ({len(self._clones)})", "clones")
             kind = "clones" if not fits else kind
+        if self.kept:
+            self.selection.addItem(f"Kept grains ({len(self.kept)})", "kept")
+            if not fits and kind == "valid":
+                kind = "kept"
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
         self.selection.blockSignals(False)
         self._write_hint()
 
     def _write_hint(self) -> None:
-        if self.clones() is None and not self._workspace.state.fits:
+        if not self._workspace.state.fits and self.clones() is None and self.kept_grains() is None:
             text = "No avatars yet: fit some grains first (station Fit)."
         elif not self.count:
             text = "None of the avatars is valid: fit again with more control points, or choose “All”."

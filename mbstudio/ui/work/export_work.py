@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
@@ -13,6 +16,11 @@ from mbstudio.ui.workers import Control, Task
 if TYPE_CHECKING:
     from mbstudio.core.metaball import Avatar
     from mbstudio.core.vae.generation import Generation
+    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.style_learner import StyleLearner
+
+RECIPES = "recipes.json"
+"""Beside exported kept grains: how each was made."""
 
 
 class ExportWork(Work):
@@ -57,6 +65,27 @@ class ExportWork(Work):
             attached["factors.csv"] = table.to_csv(index=False, lineterminator="\r\n")
         return self._write(
             clones.avatars(), list(clones.clones.names), "clone", target, folder, attached,
+            unit=unit, density=density, options=options, overwrite=overwrite,
+        )  # fmt: skip
+
+    def export_kept(
+        self,
+        learner: StyleLearner,
+        kept: list[Recipe],
+        target: str,
+        folder: Path,
+        *,
+        unit: str | None,
+        density: float | None,
+        options: dict[str, Any],
+        overwrite: bool = False,
+    ) -> Task:
+        """Write grains kept in the latent studio, with their recipes beside them."""
+        names = [recipe.name.replace(" ", "_") for recipe in kept]
+        avatars = learner.decode(np.stack([recipe.vector for recipe in kept]), names=tuple(names)).avatars()
+        recipes = json.dumps([recipe.as_record() for recipe in kept], indent=1)
+        return self._write(
+            avatars, names, "kept grain", target, folder, {RECIPES: recipes},
             unit=unit, density=density, options=options, overwrite=overwrite,
         )  # fmt: skip
 

@@ -1,0 +1,67 @@
+"""Small pictures of grains for the gallery and the strips, made in the background and remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtGui import QPixmap
+
+from mbstudio.core.vae.style_learner import StyleLearner
+from mbstudio.scene.thumbnails import thumbnail
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.grain_strip import SIDE, pixmap_of
+from mbstudio.ui.workers import Control, Report, Task, TaskQueue
+
+LANES = ("pictures", "pictures of parents")
+"""Of what was just made, and of the parents: hundreds of them must not keep the others waiting."""
+
+
+class LatentPictures(QObject):
+    """Pictures by name; those with a key replace the ones of the same key that are not made yet.
+
+    Attributes
+    ----------
+    ready : signal (str, QPixmap)
+    """
+
+    ready = Signal(str, object)
+
+    def __init__(self, queue: TaskQueue, theme: Theme, parent: QObject) -> None:
+        super().__init__(parent)
+        self._queue, self._theme = queue, theme
+        self.made: dict[str, QPixmap] = {}
+        self._learner: StyleLearner | None = None
+
+    def use(self, learner: StyleLearner | None) -> None:
+        """Forget the pictures of another style-learner's grains."""
+        self._learner = learner
+        for lane in LANES:
+            self._queue.cancel_all(lane)
+        self.made.clear()
+
+    def ask(self, latents: Mapping[str, Float[np.ndarray, " d"]], key: str) -> None:
+        """Make the pictures of these grains; `ready` tells of each."""
+        learner, colour = self._learner, self._theme.scene.avatar
+        if learner is None or not latents:
+            return
+        names, vectors = list(latents), np.stack(list(latents.values()))
+
+        def drawn(control: Control) -> Iterator[tuple[str, Any]]:
+            for name, vector in zip(names, vectors, strict=True):
+                yield name, thumbnail(learner.decode(vector[None]).avatar(0), colour, SIDE)
+
+        task = Task("Drawing small pictures", drawn)
+        task.reported.connect(lambda report: self._take(learner, report))
+        self._queue.submit(task, lane=LANES[key == "parents"], key=key)
+
+    def _take(self, learner: StyleLearner, report: Report) -> None:
+        if learner is not self._learner:
+            return
+        for name, picture in report.steps:
+            pixmap = pixmap_of(picture)
+            self.made[name] = pixmap
+            self.ready.emit(name, pixmap)

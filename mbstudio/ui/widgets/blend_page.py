@@ -1,0 +1,211 @@
+"""A, B and C: interpolation with its strip, and arithmetic with the equation in pictures."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSize, Qt, QTimer, Signal
+from PySide6.QtGui import QPixmap
+from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QPushButton, QToolButton, QVBoxLayout, QWidget
+
+from mbstudio.ui.icons import Icons
+from mbstudio.ui.widgets.forms import label, rule
+from mbstudio.ui.widgets.grain_strip import GrainSlot
+from mbstudio.ui.widgets.value_slider import ValueSlider
+
+LETTERS = ("A", "B", "C")
+STRIP = (0.0, 0.25, 0.5, 0.75, 1.0)
+_FRAME = 60  # milliseconds between two pictures of play
+_FRAMES = 50  # from A to B
+
+
+class BlendPage(QWidget):
+    """What is made of two or three grains.
+
+    Attributes
+    ----------
+    picked : signal (str, str)
+        Letter, and name of the grain that was dropped; empty: the one chosen in the gallery.
+    share_moved, share_settled : signal (float)
+        Between A (0) and B (1).
+    strength_moved, strength_settled : signal (float)
+        Of C + s (A - B).
+    ghosts_changed : signal (bool)
+    animation_asked : signal
+    """
+
+    picked = Signal(str, str)
+    share_moved = Signal(float)
+    share_settled = Signal(float)
+    strength_moved = Signal(float)
+    strength_settled = Signal(float)
+    ghosts_changed = Signal(bool)
+    animation_asked = Signal()
+
+    def __init__(self, icons: Icons) -> None:
+        super().__init__()
+        self.slots = {
+            letter: GrainSlot(letter, f"Drop a grain here as {letter}, or click to take the chosen one")
+            for letter in LETTERS
+        }
+        self.share = ValueSlider("From A to B", icons, "0 is A, 1 is B", lock=False)
+        self.share.set_range(0.0, 1.0, 0.5, decimals=2)
+        self.strength = ValueSlider("Strength s", icons, "How much of the difference is added", lock=False)
+        self.strength.set_range(-2.0, 2.0, 0.0, decimals=2)
+        self.strength.set_value(1.0)
+        self.told = QCheckBox("As the factors tell")
+        self.told.setChecked(True)
+        self.told.setToolTip(
+            "The factors of C change as those of A differ from B's; a plain sum of latents is always rougher"
+        )
+        self.ghosts = QCheckBox("A and B as ghosts")
+        self.play, self.animation = QToolButton(), QPushButton("Save animation…")
+        self.animation.setToolTip("The way from A to B as GIF or MP4, in steps of equal change")
+        self.play.setCheckable(True)
+        self.play.setToolTip("Play the way from A to B and back")
+        self.play.setAccessibleName("Play")
+        self.play.setIconSize(QSize(20, 20))
+        self._icons = icons
+        icons.set(self.play, "ph.play-fill")
+        self.strip = [GrainSlot("", "Show this step", 52) for _ in STRIP]
+        self.terms = {letter: GrainSlot("", letter, 52) for letter in (*LETTERS, "=")}
+        self.apply = QPushButton("Show the sum")
+        self._hint = label("", "hint", wrap=True)
+        self._lay_out()
+        self._beat = QTimer(self)
+        self._beat.setInterval(_FRAME)
+        self._beat.timeout.connect(self._step)
+        self._direction = 1
+        self._connect()
+        self.set_ready(set(), False)
+
+    def _lay_out(self) -> None:
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(14, 10, 14, 10)
+        layout.setSpacing(8)
+        slots = QHBoxLayout()
+        slots.setSpacing(10)
+        for slot in self.slots.values():
+            slots.addWidget(slot)
+        slots.addStretch(1)
+        layout.addLayout(slots)
+        layout.addWidget(self._hint)
+        layout.addWidget(rule())
+        line = QHBoxLayout()
+        line.addWidget(self.share, 1)
+        line.addWidget(self.play)
+        layout.addLayout(line)
+        strip = QHBoxLayout()
+        strip.setSpacing(0)
+        for slot in self.strip:
+            slot.setFixedWidth(66)
+            strip.addWidget(slot)
+        strip.addStretch(1)
+        layout.addLayout(strip)
+        options = QHBoxLayout()
+        options.addWidget(self.ghosts)
+        options.addStretch(1)
+        options.addWidget(self.animation)
+        layout.addLayout(options)
+        layout.addWidget(rule())
+        layout.addWidget(label("Arithmetic: C + s (A − B)", "heading"))
+        equation = QHBoxLayout()
+        equation.setSpacing(0)
+        for sign, key in (("", "C"), ("+ s (", "A"), ("−", "B"), (") =", "=")):
+            if sign:
+                text = QLabel(sign)
+                text.setAlignment(Qt.AlignmentFlag.AlignCenter)
+                equation.addWidget(text)
+            self.terms[key].setFixedWidth(66)
+            self.terms[key].setAcceptDrops(False)
+            equation.addWidget(self.terms[key])
+        equation.addStretch(1)
+        layout.addLayout(equation)
+        layout.addWidget(self.strength)
+        foot = QHBoxLayout()
+        foot.addWidget(self.told)
+        foot.addStretch(1)
+        foot.addWidget(self.apply)
+        layout.addLayout(foot)
+        layout.addStretch(1)
+
+    def _connect(self) -> None:
+        for letter, slot in self.slots.items():
+            slot.clicked.connect(lambda letter=letter: self.picked.emit(letter, ""))
+            slot.dropped.connect(lambda name, letter=letter: self.picked.emit(letter, name))
+        for slot, share in zip(self.strip, STRIP, strict=True):
+            slot.setAcceptDrops(False)
+            slot.clicked.connect(lambda share=share: self._jump(share))
+        self.share.moved.connect(self.share_moved)
+        self.share.settled.connect(self.share_settled)
+        self.strength.moved.connect(self.strength_moved)
+        self.strength.settled.connect(self.strength_settled)
+        self.apply.clicked.connect(lambda: self.strength_settled.emit(self.strength.value))
+        self.told.toggled.connect(self._told_changed)
+        self.ghosts.toggled.connect(self.ghosts_changed)
+        self.animation.clicked.connect(self.animation_asked)
+        self.play.toggled.connect(self._play)
+
+    def set_ready(self, filled: set[str], knows_meanings: bool) -> None:
+        """Tell which of A, B and C are there; what cannot be done yet is greyed."""
+        two, three = {"A", "B"} <= filled, set(LETTERS) <= filled
+        for part in (self.share, self.play, self.animation, self.ghosts):
+            part.setEnabled(two)
+        for part in (self.strength, self.apply):
+            part.setEnabled(three and (knows_meanings or not self.told.isChecked()))
+        self.told.setEnabled(three and knows_meanings)
+        missing = [letter for letter in LETTERS if letter not in filled]
+        self._hint.setText(
+            f"Choose a grain below and click {' or '.join(missing)}, or drag it there." if missing else ""
+        )
+        self._hint.setVisible(bool(missing))
+        if not two:
+            self.play.setChecked(False)
+
+    def set_grain(self, letter: str, name: str, picture: QPixmap | None) -> None:
+        """Show which grain a letter stands for."""
+        self.slots[letter].set_grain(name, picture)
+        self.terms[letter].set_grain(letter, picture)
+
+    def set_sum(self, picture: QPixmap | None) -> None:
+        """Show what the equation gives."""
+        self.terms["="].set_grain("sum", picture)
+
+    def set_step(self, place: int, picture: QPixmap | None) -> None:
+        """Show a step between A and B."""
+        self.strip[place].set_grain(f"{STRIP[place]:g}", picture)
+
+    def stop(self) -> None:
+        """Stop playing without taking what is shown: something else was done."""
+        if self._beat.isActive():
+            self._beat.stop()
+            self.play.setChecked(False)
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether the way is being played."""
+        return self._beat.isActive()
+
+    def _told_changed(self) -> None:
+        if self.apply.isEnabled():
+            self.apply.click()
+
+    def _jump(self, share: float) -> None:
+        if self.share.isEnabled():
+            self.share.set_value(share)
+            self.share_settled.emit(share)
+
+    def _play(self, on: bool) -> None:
+        self._icons.set(self.play, "ph.pause-fill" if on else "ph.play-fill", "accent" if on else "muted")
+        if on:
+            self._beat.start()
+        elif self._beat.isActive():
+            self._beat.stop()
+            if self.share.isEnabled():
+                self.share_settled.emit(self.share.value)
+
+    def _step(self) -> None:
+        share = self.share.value + self._direction / _FRAMES
+        if not 0.0 <= share <= 1.0:
+            self._direction = -self._direction
+            share = min(max(share, 0.0), 1.0)
+        self.share.set_value(share)
+        self.share_moved.emit(share)

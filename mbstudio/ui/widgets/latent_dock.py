@@ -1,0 +1,48 @@
+"""Beside the view at station Latent: factors, blending and the map as pages."""
+
+from __future__ import annotations
+
+from PySide6.QtWidgets import QFrame, QScrollArea, QStackedWidget, QTabBar, QVBoxLayout, QWidget
+
+from mbstudio.ui.icons import Icons
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.blend_page import BlendPage
+from mbstudio.ui.widgets.factor_radar import FactorPage
+from mbstudio.ui.widgets.latent_map_plot import LatentMapPlot
+
+
+class LatentDock(QFrame):
+    """Pages about the grain under the hand, one at a time."""
+
+    def __init__(self, theme: Theme, icons: Icons) -> None:
+        super().__init__()
+        self.setObjectName("plots")
+        self.setMinimumWidth(392)
+        self.factors, self.blend, self.map = FactorPage(theme), BlendPage(icons), LatentMapPlot(theme)
+        self.tabs = QTabBar()
+        self.tabs.setExpanding(False)
+        self.tabs.setDrawBase(False)
+        self.tabs.setAccessibleName("Page of the latent studio")
+        self._stack = QStackedWidget()
+        for title, page in (("Factors", self.factors), ("Blend", self.blend), ("Map", self.map)):
+            self.tabs.addTab(title)
+            self._stack.addWidget(_scrolling(page) if page is not self.map else page)
+        self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addWidget(self.tabs)
+        layout.addWidget(self._stack, 1)
+
+    def open_page(self, title: str) -> None:
+        """Turn to a page: Factors, Blend or Map."""
+        names = [self.tabs.tabText(place) for place in range(self.tabs.count())]
+        self.tabs.setCurrentIndex(names.index(title))
+
+
+def _scrolling(page: QWidget) -> QScrollArea:
+    area = QScrollArea()
+    area.setWidget(page)
+    area.setWidgetResizable(True)
+    page.setObjectName("panelBody")
+    return area

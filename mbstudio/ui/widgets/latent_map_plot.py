@@ -1,0 +1,135 @@
+"""The map of the latent space: a click shows the grain there, a drag walks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from jaxtyping import Float
+from PySide6.QtCore import QPointF, Qt, Signal
+from PySide6.QtGui import QColor
+
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.plots import Plot
+
+
+class WalkBox(pg.ViewBox):
+    """A view in which the left button walks; the middle one moves, the wheel zooms.
+
+    Attributes
+    ----------
+    walked : signal (QPointF, bool)
+        Where the mouse is, and whether it was let go there.
+    """
+
+    walked = Signal(object, bool)
+
+    def __init__(self) -> None:
+        super().__init__(enableMenu=False)
+
+    def mouseDragEvent(self, ev: Any, axis: int | None = None) -> None:
+        if ev.button() != Qt.MouseButton.LeftButton:
+            super().mouseDragEvent(ev, axis)
+            return
+        ev.accept()
+        self.walked.emit(self.mapToView(ev.pos()), bool(ev.isFinish()))
+
+    def mouseClickEvent(self, ev: Any) -> None:
+        if ev.button() == Qt.MouseButton.LeftButton:
+            ev.accept()
+            self.walked.emit(self.mapToView(ev.pos()), True)
+
+
+class LatentMapPlot(Plot):
+    """Parents, kept grains, A, B, C and the grain under the hand on the map.
+
+    Attributes
+    ----------
+    walked : signal (float array of shape (2,), bool)
+        A place, and whether the walk ended there.
+    """
+
+    walked = Signal(object, bool)
+
+    def __init__(self, theme: Theme) -> None:
+        self.box = WalkBox()
+        super().__init__(theme, "", "", "Map of the latent space", self.box)
+        self._parents, self._kept = pg.ScatterPlotItem(), pg.ScatterPlotItem()
+        self._here = pg.ScatterPlotItem()
+        self._letters: list[pg.TextItem] = []
+        for z, item in ((10, self._parents), (20, self._kept), (30, self._here)):
+            item.setZValue(z)
+            item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
+            self.addItem(item)
+        self._places: tuple[np.ndarray, np.ndarray, np.ndarray] = (np.empty((0, 2)),) * 3
+        self.setToolTip(
+            "Click to see the grain there, drag to walk. The wheel zooms, the middle button moves the map."
+        )
+        self.setAspectLocked(True)
+        for side in ("bottom", "left"):
+            self.getAxis(side).enableAutoSIPrefix(False)
+        self.box.walked.connect(
+            lambda place, final: self.walked.emit(np.array([place.x(), place.y()]), final)
+        )
+        self.repaint_theme()
+
+    def set_parents(self, places: Float[np.ndarray, "parents 2"], share: tuple[float, float]) -> None:
+        """Show the parents, and how much of their variance the map holds."""
+        self._places = places, np.empty((0, 2)), np.empty((0, 2))
+        self.set_names(
+            f"First direction ({share[0]:.0%} of the variance)", f"Second direction ({share[1]:.0%})"
+        )
+        self.box.autoRange()
+
+    def set_kept(self, places: Float[np.ndarray, "kept 2"]) -> None:
+        """Show the kept grains."""
+        self._places = self._places[0], places, self._places[2]
+        self.repaint_theme()
+
+    def set_here(self, place: Float[np.ndarray, "2"] | None) -> None:
+        """Mark the grain under the hand."""
+        there = np.empty((0, 2)) if place is None else np.asarray(place).reshape(1, 2)
+        self._places = self._places[0], self._places[1], there
+        self._here.setData(*there.T)
+        (left, right), (low, high) = self.box.viewRange()
+        if len(there) and not (left <= there[0, 0] <= right and low <= there[0, 1] <= high):
+            self.box.autoRange()
+
+    def set_letters(self, places: dict[str, Float[np.ndarray, "2"]]) -> None:
+        """Mark A, B and C."""
+        for item in self._letters:
+            self.removeItem(item)
+        self._letters = []
+        for letter, place in places.items():
+            text = pg.TextItem(letter, color=self._theme.tokens.text, anchor=(0.5, 0.5))
+            text.setPos(*place)
+            text.setZValue(25)
+            self.addItem(text, ignoreBounds=True)
+            self._letters.append(text)
+
+    @property
+    def here(self) -> Float[np.ndarray, "2"] | None:
+        """Where the grain under the hand is marked."""
+        return self._places[2][0] if len(self._places[2]) else None
+
+    def pixel_of(self, place: Float[np.ndarray, "2"]) -> QPointF:
+        """Return where a place of the map is in the widget, in pixels."""
+        scene = self.box.mapViewToScene(QPointF(float(place[0]), float(place[1])))
+        return QPointF(self.mapFromScene(scene))
+
+    def repaint_theme(self) -> None:
+        super().repaint_theme()
+        tokens, scene = self._theme.tokens, self._theme.scene
+        faint = QColor(tokens.muted)
+        faint.setAlpha(120)
+        parents, kept, here = self._places
+        self._parents.setData(*parents.T, size=6, pen=None, brush=pg.mkBrush(faint))
+        self._kept.setData(
+            *kept.T, size=9, symbol="s", pen=pg.mkPen(tokens.surface), brush=pg.mkBrush(scene.grain)
+        )
+        self._here.setData(
+            *here.T, size=14, pen=pg.mkPen(tokens.surface, width=2), brush=pg.mkBrush(tokens.accent)
+        )
+        for item in self._letters:
+            item.setColor(QColor(tokens.text))
