@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float64
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, QTimer
 from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QFileDialog
 
@@ -81,6 +81,8 @@ class LatentLink(QObject):
         learner = self._work.learner
         if learner is not None:
             self._scene.set_unit(learner.unit)
+            # The docks of the station take their room first.
+            QTimer.singleShot(0, self._window, lambda: self._frame(True))
 
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
@@ -151,14 +153,21 @@ class LatentLink(QObject):
         if about.map is not None:
             self._dock.map.set_here(about.map.places(grain.latent[None])[0])
         if latent_station:
-            if self._framed is not work.learner:
-                self._framed = work.learner
-                self._window.link.arrange()
-                self._scene.look_from("isometric")
-            elif grain.cells == AT_REST:
-                # Never under the hand: only what has come to rest moves the camera.
-                self._scene.fit_if_cut()
-            self._window.viewport.request_render()
+            # Never under the hand: only what has come to rest moves the camera.
+            self._frame(grain.cells == AT_REST)
+
+    def _frame(self, may_move: bool) -> None:
+        """Bring the grain into the picture: turned as usual the first time, else only where it is cut."""
+        learner = self._work.learner
+        if self._window.station != "latent" or learner is None or self._work.grain is None:
+            return
+        if self._framed is not learner:
+            self._framed = learner
+            self._window.link.arrange()
+            self._scene.look_from("isometric")
+        elif may_move:
+            self._scene.fit_if_cut()
+        self._window.viewport.request_render()
 
     def undo(self) -> None:
         """Take back the last step of shaping, or elsewhere the last change of the project."""

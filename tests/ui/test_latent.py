@@ -19,6 +19,7 @@ from mbstudio.core.vae.live_grain import AT_REST, MOVING
 from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.core.vae.training import learn
+from mbstudio.scene import camera
 from mbstudio.scene.morph_animation import AnimationError, require_writer
 from mbstudio.ui.latest import LatestOnly
 from mbstudio.ui.widgets.blend_page import STRIP
@@ -97,6 +98,23 @@ def test_without_a_style_learner_the_panel_explains(window, idle, rest, learner,
     rest()
     assert panel.open_button.isVisible()
     assert window.latents.grain is None
+
+
+def test_a_grain_that_was_there_before_is_in_the_picture(window, rest, learner, meanings, monkeypatch):
+    """The style-learner comes at another station; on entering this one the docks take room from the view."""
+    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    window.workspace.use_style(learner)
+    rest()
+    window.enter("latent")
+    rest()
+    points = window.link.scene.points()
+    assert points is not None
+    assert camera.shows(window.link.scene._renderer, points)
+    direction = np.subtract(
+        window.link.scene._renderer.GetActiveCamera().GetPosition(),
+        window.link.scene._renderer.GetActiveCamera().GetFocalPoint(),
+    )
+    assert np.abs(direction / np.linalg.norm(direction)).max() < 0.95  # from a corner, not along an axis
 
 
 def test_a_dragged_meaning_changes_the_surface_and_undo_returns_it(shaping, rest):
