@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.cli.intervals import add_intervals, print_intervals, with_intervals
 from mbstudio.cli.measuring import (
     Row,
     failures_of,
@@ -65,6 +66,12 @@ def measure(
     axes: AxesOption = Axes.OBB,
     surface: SurfaceOption = Surface.SMOOTHED,
     detail: DetailOption = False,
+    intervals: Annotated[
+        bool,
+        typer.Option(
+            "--intervals", help="Also between what each factor of a scanned grain lies; takes long."
+        ),
+    ] = False,
     workers: inputs.WorkersOption = None,
     csv_file: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write one row a grain as CSV.")
@@ -84,6 +91,8 @@ def measure(
     if parquet_file is not None:
         require_parquet()
     if inputs.is_mesh(source):
+        if intervals:
+            raise MeasureError("--intervals are those of scanned grains: a mesh is exact. Leave it out.")
         table, factors = _measure_mesh(source, unit, axes, surface, detail)
         _write(table, csv_file, parquet_file)
         if as_json:
@@ -96,8 +105,12 @@ def measure(
     populations = measure_grains(
         project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
     )
-    _write(table_of(populations, project), csv_file, parquet_file)
     rows, failures = rows_of(populations), failures_of(populations)
+    table = table_of(populations, project)
+    if intervals:
+        add_intervals(rows, project, axes=axes.value, surface=surface.value, detail=detail, unit=unit)
+        table = with_intervals(table, rows, populations.grains.unit)
+    _write(table, csv_file, parquet_file)
     summary = summarise(rows)
     measured = [row for row in rows if "grain" in row]
     if as_json:
@@ -105,6 +118,7 @@ def measure(
         console.print_json({**stated, "grains": rows, "summary": summary, "failures": failures})
     else:
         _print_rows(source, measured, summary)
+        print_intervals(rows)
     for kind, reasons in failures.items():
         for label, reason in list(reasons.items())[:FAILURES_ON_SCREEN]:
             console.tell(f"mbstudio: {kind.removesuffix('s')} {label} could not be measured: {reason}")

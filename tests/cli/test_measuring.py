@@ -10,7 +10,7 @@ import pytest
 
 from mbstudio.cli import measuring
 from mbstudio.core.errors import MeasureError
-from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, measure
+from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, factor_intervals, measure
 from mbstudio.core.project import Project
 
 
@@ -114,3 +114,31 @@ def test_parquet_holds_the_same_table(mbstudio, fitted_project, tmp_path):
     table, rows = pd.read_parquet(tmp_path / "a.parquet"), table_in(tmp_path / "a.csv")
     assert list(table.columns) == list(rows[0])
     np.testing.assert_allclose(table["grain_volume_um3"], [float(row["grain_volume_um3"]) for row in rows])
+
+
+def test_intervals_stand_beside_grain_and_avatar(mbstudio, fitted_project, tmp_path):
+    labels = sorted(Project.open(fitted_project).fits)
+    chosen = ("measure", fitted_project, "--grains", labels[0], "--workers", 0, "--intervals")
+    ran = mbstudio(*chosen, "--unit", "mm", "--csv", tmp_path / "a.csv", "--json")
+    assert ran.code == 0, ran.err
+    (told,) = json.loads(ran.out)["grains"]
+    known = factor_intervals(Project.open(fitted_project).grains.grain(labels[0]), unit="mm")
+    assert set(told["interval"]) == set(CORE_FACTORS)
+    for name, (low, high) in known.intervals.items():
+        assert told["interval"][name] == pytest.approx([low, high])
+        assert low <= told["grain"][name] <= high
+    (row,) = table_in(tmp_path / "a.csv")
+    assert float(row["grain_area_mm2_low"]) == pytest.approx(known.intervals["area"][0])
+    assert float(row["grain_csf_high"]) == pytest.approx(known.intervals["csf"][1])
+    text = mbstudio(*chosen).out
+    assert "avatar" in text
+    assert "sphericity" in text
+
+
+def test_a_mesh_has_no_intervals(mbstudio, tmp_path):
+    import trimesh
+
+    trimesh.creation.box((1, 2, 3)).export(tmp_path / "box.stl")
+    ran = mbstudio("measure", tmp_path / "box.stl", "--unit", "cm", "--intervals")
+    assert ran.code == 1
+    assert "a mesh is exact" in ran.err
