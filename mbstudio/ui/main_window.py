@@ -28,6 +28,7 @@ from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.work.export_work import ExportWork
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.grain_work import GrainWork
+from mbstudio.ui.work.interval_work import IntervalWork
 from mbstudio.ui.work.latent_work import LatentWork
 from mbstudio.ui.work.population_work import PopulationWork
 from mbstudio.ui.work.project_work import ProjectWork
@@ -61,6 +62,7 @@ class MainWindow(WindowLayout):
         self.scans = ScanWork(self.workspace, self.queue, self)
         self.grains = GrainWork(self.workspace, self.queue, self)
         self.fits = FitWork(self.workspace, self.queue, self)
+        self.intervals = IntervalWork(self.workspace, self.queue, self)
         self.populations = PopulationWork(self.workspace, self.queue, self)
         self.sweeps = SweepWork(self.workspace, self.queue, self)
         self.styles = StyleWork(self.workspace, self.queue, self)
@@ -128,6 +130,8 @@ class MainWindow(WindowLayout):
         self.fits.began.connect(lambda _: self.curve.set_losses([]))
         self.fits.losses_arrived.connect(self._losses_arrived)
         link.factors_ready.connect(self.panels_fit.show_factors)
+        self.panels_fit.intervals_button.clicked.connect(self.switch_intervals)
+        self.intervals.found.connect(self.panels_fit.show_intervals)
         self.panels_scan.slice_moved.connect(link.move_slice)
         self.panels_scan.slice_switched.connect(link.switch_slice)
         self.panels_scan.window_changed.connect(link.set_window)
@@ -212,6 +216,16 @@ class MainWindow(WindowLayout):
         self.enter("fit")
         if self.panels_fit.take_target():
             self._whole_fit = self.fits.fit_all()
+
+    def switch_intervals(self) -> None:
+        """Show between what the factors of the chosen grain lie, or its factors again."""
+        label = self.workspace.selected
+        if label is None:
+            return
+        if self.panels_fit.factors.has_intervals:
+            self.panels_fit.show_intervals(label, None)
+        else:
+            self.intervals.find(label)
 
     def use_n(self, n: int) -> None:
         """Fit with this number from now on; a target would look for another."""

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging import FitResult, FitTarget
-from mbstudio.core.metrics import ShapeFactors
+from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.panel import Panel
@@ -111,7 +111,13 @@ class FitPanel(Panel):
         self.body.addLayout(line)
         self._reasons = label("", "hint", wrap=True)
         self.factors = FactorsTable()
-        self.add(self._reasons, self.factors)
+        self.intervals_button = quiet_button("Intervals of the grain")
+        self.intervals_button.setToolTip(
+            "Between what the grain's factors lie, as its place on the voxels, threshold and blur are "
+            "uncertain. Bold errors: the avatar lies outside."
+        )
+        self.intervals_button.setEnabled(False)
+        self.add(self._reasons, self.factors, self.intervals_button)
         self.grain_opacity = NumberSlider(
             "Grain", 0, 1, 0.6, 0.01, "{:.0%}", "Opacity of the grain's surface"
         )
@@ -269,3 +275,15 @@ class FitPanel(Panel):
     def show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:
         """Fill the table of factors."""
         self.factors.show_factors(grain, avatar)
+        self._show_intervals_button()
+
+    def show_intervals(self, label: int, intervals: FactorIntervals | None) -> None:
+        """Show the intervals of this grain if it is still the one looked at; None: its factors again."""
+        if label == self._workspace.selected:
+            self.factors.show_intervals(intervals)
+            self._show_intervals_button()
+
+    def _show_intervals_button(self) -> None:
+        self.intervals_button.setEnabled(self.factors.has_grain)
+        on = self.factors.has_intervals
+        self.intervals_button.setText("Factors of the grain" if on else "Intervals of the grain")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
-from mbstudio.core.metrics import ShapeFactors
+from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
@@ -21,6 +21,7 @@ _ROWS = (
     ("dns", "D_ns", 0, "D_n / D_s"),
 )
 _HEADS = ("Factor", "Grain", "Avatar", "Error")
+_INTERVAL_HEAD = "Grain, from–to"
 _POWERS = {1: "", 2: "²", 3: "³"}
 
 
@@ -29,6 +30,9 @@ class FactorsTable(QTableWidget):
 
     def __init__(self) -> None:
         super().__init__(len(_ROWS), 4)
+        self._grain: ShapeFactors | None = None
+        self._avatar: ShapeFactors | None = None
+        self._intervals: FactorIntervals | None = None
         self._cells = [[QTableWidgetItem() for _ in range(4)] for _ in _ROWS]
         self.setAccessibleName("Shape factors of grain and avatar")
         self.verticalHeader().hide()
@@ -59,10 +63,38 @@ class FactorsTable(QTableWidget):
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
 
+    @property
+    def has_grain(self) -> bool:
+        """Whether a grain's factors are shown."""
+        return self._grain is not None
+
+    @property
+    def has_intervals(self) -> bool:
+        """Whether the grain's column shows intervals."""
+        return self._intervals is not None
+
     def show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:
-        """Fill the table; what is None stays empty."""
+        """Fill the table; what is None stays empty. Another grain takes its intervals away."""
+        if grain != self._grain:
+            self._intervals = None
+        self._grain, self._avatar = grain, avatar
+        self._fill()
+
+    def show_intervals(self, intervals: FactorIntervals | None) -> None:
+        """Show between what the grain's factors lie, or again its factors themselves."""
+        self._intervals = intervals
+        self._fill()
+
+    def _fill(self) -> None:
+        grain, avatar = self._grain, self._avatar
         known = grain or avatar
-        for row, (name, sign, power, _) in enumerate(_ROWS):
+        if head := self.horizontalHeaderItem(1):
+            head.setText(_HEADS[1] if self._intervals is None else _INTERVAL_HEAD)
+        # From and to need the room of two numbers.
+        mode = QHeaderView.ResizeMode
+        wide = mode.Stretch if self._intervals is None else mode.ResizeToContents
+        self.horizontalHeader().setSectionResizeMode(2, wide)
+        for row, (name, sign, power, meaning) in enumerate(_ROWS):
             truth = getattr(grain, name) if grain is not None else None
             value = getattr(avatar, name) if avatar is not None else None
             unit, factor = "", 1.0
@@ -71,7 +103,28 @@ class FactorsTable(QTableWidget):
                 unit = f" [{unit_label(shown)}{_POWERS[power]}]"
                 factor = conversion_factor(known.unit, shown) ** power
             self._cells[row][0].setText(sign + unit)
-            self._cells[row][1].setText("" if truth is None else f"{truth * factor:#.4g}")
+            self._cells[row][1].setText(self._grain_text(name, truth, factor))
             self._cells[row][2].setText("" if value is None else f"{value * factor:#.4g}")
             error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
             self._cells[row][3].setText(error)
+            self._mark(row, name, value, meaning)
+
+    def _grain_text(self, name: str, truth: float | None, factor: float) -> str:
+        if truth is None:
+            return ""
+        if self._intervals is None:
+            return f"{truth * factor:#.4g}"
+        low, high = self._intervals.intervals[name]
+        return f"{low * factor:#.3g}–{high * factor:#.3g}"
+
+    def _mark(self, row: int, name: str, value: float | None, meaning: str) -> None:
+        """Set the error in bold where the avatar lies outside the grain's interval."""
+        outside = False
+        if self._intervals is not None and value is not None:
+            low, high = self._intervals.intervals[name]
+            outside = not low <= value <= high
+        cell = self._cells[row][3]
+        font = cell.font()
+        font.setBold(outside)
+        cell.setFont(font)
+        cell.setToolTip(f"{meaning}. The avatar lies outside the grain's interval." if outside else meaning)

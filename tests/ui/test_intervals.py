@@ -1,0 +1,36 @@
+"""Intervals of a grain's factors beside its avatar, at station Fit."""
+
+from __future__ import annotations
+
+import pytest
+
+from mbstudio.core.metrics import factor_intervals
+
+
+def cell(table, row: int, column: int) -> str:
+    return table.item(row, column).text()
+
+
+def test_intervals_come_and_go(window, idle, with_grains):
+    panel = window.panels_fit
+    assert not panel.intervals_button.isEnabled()
+    window.enter("fit")
+    window.workspace.select(1)
+    idle()
+    assert panel.intervals_button.isEnabled()
+    value = float(cell(panel.factors, 2, 1))
+    panel.intervals_button.click()
+    idle()
+    known = factor_intervals(window.workspace.state.grains.grain(1)).intervals["sphericity"]
+    low, high = (float(part) for part in cell(panel.factors, 2, 1).split("–"))
+    assert (low, high) == pytest.approx(known, rel=5e-3)
+    assert low <= value <= high
+    assert "from" in panel.factors.horizontalHeaderItem(1).text()
+    panel.intervals_button.click()
+    assert float(cell(panel.factors, 2, 1)) == value
+    panel.intervals_button.click()
+    idle()
+    window.workspace.select(2)
+    idle()
+    assert "–" not in cell(panel.factors, 2, 1)
+    assert panel.intervals_button.text() == "Intervals of the grain"
