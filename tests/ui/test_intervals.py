@@ -25,7 +25,7 @@ def test_intervals_come_and_go(window, idle, with_grains):
     low, high = (float(part) for part in cell(panel.factors, 2, 1).split("–"))
     assert (low, high) == pytest.approx(known, rel=5e-3)
     assert low <= value <= high
-    assert "from" in panel.factors.horizontalHeaderItem(1).text()
+    assert "From" in panel.factors.horizontalHeaderItem(1).text()
     panel.intervals_button.click()
     assert float(cell(panel.factors, 2, 1)) == value
     panel.intervals_button.click()

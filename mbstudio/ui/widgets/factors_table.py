@@ -21,7 +21,8 @@ _ROWS = (
     ("dns", "D_ns", 0, "D_n / D_s"),
 )
 _HEADS = ("Factor", "Grain", "Avatar", "Error")
-_INTERVAL_HEAD = "Grain, from–to"
+_INTERVAL_HEAD = "From–to"
+_HEIGHT, _DOUBLE_HEIGHT = 26, 42
 _POWERS = {1: "", 2: "²", 3: "³"}
 
 
@@ -36,7 +37,7 @@ class FactorsTable(QTableWidget):
         self._cells = [[QTableWidgetItem() for _ in range(4)] for _ in _ROWS]
         self.setAccessibleName("Shape factors of grain and avatar")
         self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(26)
+        self.verticalHeader().setDefaultSectionSize(_HEIGHT)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
         self.setFocusPolicy(Qt.FocusPolicy.TabFocus)
@@ -59,7 +60,7 @@ class FactorsTable(QTableWidget):
             head = QTableWidgetItem(_HEADS[column])
             head.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
             self.setHorizontalHeaderItem(column, head)
-        self.setFixedHeight(26 * len(_ROWS) + 31)
+        self._set_row_height(_HEIGHT)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
 
@@ -90,10 +91,12 @@ class FactorsTable(QTableWidget):
         known = grain or avatar
         if head := self.horizontalHeaderItem(1):
             head.setText(_HEADS[1] if self._intervals is None else _INTERVAL_HEAD)
-        # From and to need the room of two numbers.
+        # From and to stand on lines of their own: there is no room for them side by side.
         mode = QHeaderView.ResizeMode
-        wide = mode.Stretch if self._intervals is None else mode.ResizeToContents
-        self.horizontalHeader().setSectionResizeMode(2, wide)
+        self._set_row_height(_HEIGHT if self._intervals is None else _DOUBLE_HEIGHT)
+        self.horizontalHeader().setSectionResizeMode(
+            1, mode.Stretch if self._intervals is None else mode.ResizeToContents
+        )
         for row, (name, sign, power, meaning) in enumerate(_ROWS):
             truth = getattr(grain, name) if grain is not None else None
             value = getattr(avatar, name) if avatar is not None else None
@@ -115,7 +118,14 @@ class FactorsTable(QTableWidget):
         if self._intervals is None:
             return f"{truth * factor:#.4g}"
         low, high = self._intervals.intervals[name]
-        return f"{low * factor:#.3g}–{high * factor:#.3g}"
+        # Leading zeros take the room of a digit.
+        digits = 4 if low * factor >= 0.01 else 3
+        return "–\n".join(f"{bound * factor:#.{digits}g}".rstrip(".") for bound in (low, high))
+
+    def _set_row_height(self, height: int) -> None:
+        for row in range(len(_ROWS)):
+            self.setRowHeight(row, height)
+        self.setFixedHeight(height * len(_ROWS) + 31)
 
     def _mark(self, row: int, name: str, value: float | None, meaning: str) -> None:
         """Set the error in bold where the avatar lies outside the grain's interval."""
