@@ -278,9 +278,9 @@ class _Generating:
             if again is None or again.level > choice.level:
                 self._parents = quick
                 break
-            self._replaced += len(set(choice.rows.tolist()) - set(again.rows.tolist()))
             after, found = self.measurable(again)
             if parents.missed_by(_values(found)) < parents.missed_by(_values(exact)):
+                self._replaced += len(set(choice.rows.tolist()) - set(after.rows.tolist()))
                 choice, exact = after, found
         return choice, exact
 
@@ -290,6 +290,7 @@ class _Generating:
         self._exact_parents = measure_population(
             shapes.avatars(), range(1, len(shapes) + 1), name="parents", kind="avatars",
             workers=0 if self._processes == 1 else self._processes,
+            progress=lambda _done, words: self._report(0.99, f"parents: {words}"),
         )  # fmt: skip
         values = _values(self._exact_parents)
         values = values[np.isfinite(values).all(axis=1)]

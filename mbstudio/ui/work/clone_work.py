@@ -214,7 +214,9 @@ class CloneWork(Work):
         from mbstudio.core.vae.quality import assess
 
         known = self._parents
-        if known is not None and known[0] is learner:
+        if clones.parent_factors is not None:
+            parents = clones.parent_factors
+        elif known is not None and known[0] is learner:
             parents = known[1]
         else:
             bodies = learner.parents.avatars()
