@@ -107,7 +107,7 @@ class FactorsTable(QTableWidget):
                 factor = conversion_factor(known.unit, shown) ** power
             self._cells[row][0].setText(sign + unit)
             self._cells[row][1].setText(self._grain_text(name, truth, factor))
-            self._cells[row][2].setText("" if value is None else f"{value * factor:#.4g}")
+            self._cells[row][2].setText("" if value is None else self._avatar_text(value * factor))
             error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
             self._cells[row][3].setText(error)
             self._mark(row, name, value, meaning)
@@ -118,9 +118,11 @@ class FactorsTable(QTableWidget):
         if self._intervals is None:
             return f"{truth * factor:#.4g}"
         low, high = self._intervals.intervals[name]
-        # Leading zeros take the room of a digit.
-        digits = 4 if low * factor >= 0.01 else 3
+        digits = _digits_beside_intervals(low * factor)
         return "–\n".join(f"{bound * factor:#.{digits}g}".rstrip(".") for bound in (low, high))
+
+    def _avatar_text(self, value: float) -> str:
+        return f"{value:#.{4 if self._intervals is None else _digits_beside_intervals(value)}g}"
 
     def _set_row_height(self, height: int) -> None:
         for row in range(len(_ROWS)):
@@ -138,3 +140,8 @@ class FactorsTable(QTableWidget):
         font.setBold(outside)
         cell.setFont(font)
         cell.setToolTip(f"{meaning}. The avatar lies outside the grain's interval." if outside else meaning)
+
+
+def _digits_beside_intervals(value: float) -> int:
+    """Return how many digits there is room for: leading zeros take that of one."""
+    return 4 if value >= 0.01 else 3
