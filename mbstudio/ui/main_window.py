@@ -24,6 +24,7 @@ from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.task_strip import TaskStrip
 from mbstudio.ui.window_commands import window_commands
 from mbstudio.ui.window_layout import WindowLayout
+from mbstudio.ui.window_wiring import WindowWiring
 from mbstudio.ui.work.clone_work import CloneWork
 from mbstudio.ui.work.export_work import ExportWork
 from mbstudio.ui.work.fit_work import FitWork
@@ -95,67 +96,11 @@ class MainWindow(WindowLayout):
         self.statusBar().addPermanentWidget(self.strip)
         self.statusBar().addPermanentWidget(self._renderer)
         self.statusBar().setSizeGripEnabled(False)
-        self._connect()
+        self.wiring = WindowWiring(self)
         self._restore_layout()
         self._pages.setFocus()
         self.enter("scan")
         self.refresh()
-
-    # ---- making it -----------------------------------------------------------------------------
-
-    def _connect(self) -> None:
-        space, link = self.workspace, self.link
-        for signal in (
-            space.state_changed, self.queue.changed, self.fits.changed, self.messages.shown,
-            self.populations.changed, self.sweeps.changed,
-        ):  # fmt: skip
-            signal.connect(lambda *_: self.refresh())
-        space.recent_changed.connect(self._show_recent)
-        space.project_replaced.connect(lambda: self.enter("scan"))
-        space.scan_changed.connect(self._scan_changed)
-        space.grains_changed.connect(lambda: self.table.content.set_grains(space.state.grains))
-        space.grains_changed.connect(self.show_docks)
-        space.fits_changed.connect(lambda: self.table.content.set_fits(space.state.fits))
-        space.selection_changed.connect(self._selection_changed)
-        space.fits_changed.connect(self._show_curve_of_fit)
-        for work in (
-            self.scans, self.grains, self.fits, self.populations, self.sweeps, self.exports, self.projects,
-        ):  # fmt: skip
-            work.said.connect(self.messages.say)
-        self.queue.failed.connect(self._task_failed)
-        self.scans.asked.connect(self.files.ask_about_scan)
-        self.projects.opened.connect(self.scans.reopen)
-        self.table.chosen.connect(space.choose)
-        self.rail.chosen.connect(self.enter)
-        self.fits.began.connect(lambda _: self.curve.set_losses([]))
-        self.fits.losses_arrived.connect(self._losses_arrived)
-        link.factors_ready.connect(self.panels_fit.show_factors)
-        self.panels_fit.intervals_button.clicked.connect(self.switch_intervals)
-        self.intervals.found.connect(self.panels_fit.show_intervals)
-        self.panels_scan.slice_moved.connect(link.move_slice)
-        self.panels_scan.slice_switched.connect(link.switch_slice)
-        self.panels_scan.window_changed.connect(link.set_window)
-        self.panels_fit.opacity_changed.connect(link.set_opacity)
-        self.sweep.n_chosen.connect(self.use_n)
-        self.panels_fit.sweep_button.clicked.connect(lambda: self.show_sweep(True))
-        self.panels_fit.step_asked.connect(self.step_grain)
-        self.panels_fit.points.toggled.connect(lambda on: self._run_layer("points", on))
-        self.panels_export.folder_asked.connect(self.files.ask_export_folder)
-        self.panels_grains.find_asked.connect(lambda _: self.commands.run("grains.find"))
-        self.panels_export.export_asked.connect(lambda: self.commands.run("export.run"))
-        self.welcome.recent_chosen.connect(self.files.open_path)
-        for button, command in (
-            (self.welcome.open_button, "scan.open"),
-            (self.welcome.sample_button, "scan.sample"),
-            (self.welcome.project_button, "project.open"),
-            (self.panels_scan.open_button, "scan.open"),
-            (self.panels_scan.sample_button, "scan.sample"),
-            (self.panels_grains.load_button, "grains.load"),
-            (self.panels_fit.fit_button, "fit.grain"),
-            (self.panels_fit.all_button, "fit.all"),
-        ):
-            button.clicked.connect(lambda _checked=False, name=command: self.commands.run(name))
-        self._show_recent()
 
     # ---- what the conditions of commands ask -----------------------------------------------------
 
@@ -333,49 +278,7 @@ class MainWindow(WindowLayout):
 
         AboutBox(self.viewport, self).open()
 
-    # ---- what happens ----------------------------------------------------------------------------
-
-    def _scan_changed(self) -> None:
-        slices = self.link.scene.slices
-        if slices is not None:
-            self.panels_scan.show_window(*slices.window)
-            self.panels_grains.set_threshold_range(*slices.window)
-
-    def _selection_changed(self) -> None:
-        chosen, grains = self.workspace.selected, self.workspace.state.grains
-        self.table.select_labels(self.workspace.chosen, chosen)
-        diameter = None
-        if grains is not None and chosen is not None:
-            rows = grains.table.loc[grains.table["label"] == chosen, "volume"]
-            diameter = (6 * float(rows.iloc[0]) / 3.141592653589793) ** (1 / 3)
-        self.panels_grains.mark_grain(diameter)
-        self._show_curve_of_fit()
-
-    def _losses_arrived(self, fitted: int, losses: list[float]) -> None:
-        if fitted == self.workspace.selected:
-            self.curve.add_losses(losses)
-
-    def _show_curve_of_fit(self) -> None:
-        chosen = self.workspace.selected
-        if chosen is not None and chosen == self.fits.running_label:
-            return
-        fit = self.workspace.state.fits.get(chosen) if chosen is not None else None
-        self.curve.set_losses([] if fit is None else [float(loss) for loss in fit.history])
-
-    def _run_layer(self, layer: str, shown: bool) -> None:
-        self.link.show_layer(layer, shown)  # type: ignore[arg-type]
-        self.commands.refresh()
-
-    def _task_failed(self, task: Task, error: Exception) -> None:
-        if isinstance(error, MbstudioError):
-            self.messages.say("error", str(error))
-        elif isinstance(error, OSError | MemoryError):
-            self.messages.say("error", f"{task.title} failed: {error or 'not enough memory'}.")
-        else:
-            log.error("%s failed", task.title, exc_info=error)
-            self.messages.say(
-                "error", f"{task.title} failed by a mistake in mbstudio ({type(error).__name__}: {error})."
-            )
+    # ---- closing -----------------------------------------------------------------------------------
 
     def closeEvent(self, event: QCloseEvent) -> None:
         if not self._closing and self.ask_before_closing and self.workspace.is_modified:

@@ -241,7 +241,8 @@ class WindowLayout(QMainWindow):
 
     # ---- what is to be seen now ------------------------------------------------------------------
 
-    def _show_recent(self) -> None:
+    def show_recent(self) -> None:
+        """List the files opened last on the welcome page and in the menu."""
         recent = self.workspace.recent
         self.welcome.show_recent(recent)
         self._recent_menu.clear()
