@@ -64,7 +64,7 @@ def _draw_in(control):  # pragma: no cover - compiled
     return moved
 
 
-def joined(avatars: Serialization) -> Serialization:
+def held_together(avatars: Serialization) -> Serialization:
     """Return the avatars with every control point in one body.
 
     Control points are in one body if straight lines inside it lead from each to every other, from control

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mbstudio.core.metaball.topology import topology
 from mbstudio.core.vae import FLIPS, Serialization, Template
-from mbstudio.core.vae.joining import joined
+from mbstudio.core.vae.joining import held_together
 from tests.core.vae.populations import population
 
 # Eight points about the origin that are one ball from afar, and eight that can stand anywhere.
@@ -45,16 +45,16 @@ def reach(enough: float) -> float:
 
 def test_bodies_in_one_piece_come_back_as_they_are() -> None:
     parents = population(12)
-    assert joined(parents) is parents
+    assert held_together(parents) is parents
     near = ball_and_drop(0.999 * reach(1.0))
-    assert joined(near) is near
+    assert held_together(near) is near
 
 
 @pytest.mark.parametrize("distance", [1.01, 1.3, 3.0])
 def test_a_drop_is_drawn_in_just_as_far_as_joins_it(distance: float) -> None:
     apart = ball_and_drop(distance * reach(1.0))
     assert topology(control_of(apart)).pieces == 2
-    near = joined(apart)
+    near = held_together(apart)
     assert topology(control_of(near)).pieces == 1
     moved = near.centers[0, 8:].mean(axis=0)
     # Twelve halvings of the way find the place to a 4,000th of it; 64 samples see the neck.
@@ -66,7 +66,7 @@ def test_a_drop_is_drawn_in_just_as_far_as_joins_it(distance: float) -> None:
 
 def test_a_drop_of_many_control_points_keeps_its_form() -> None:
     apart = ball_and_drop(1.4 * reach(1.0))
-    near = joined(apart)
+    near = held_together(apart)
     step = near.centers[0, 8:] - apart.centers[0, 8:]
     np.testing.assert_allclose(step, np.tile(step[:1], (8, 1)), atol=1e-12)
 
@@ -75,15 +75,15 @@ def test_flipped_avatars_are_joined_as_their_flips() -> None:
     rng = np.random.default_rng(4)
     wild = scattered(rng, 0.55)
     flips = np.array([5])
-    there = joined(wild.flipped(flips))
-    back = joined(wild).flipped(flips)
+    there = held_together(wild.flipped(flips))
+    back = held_together(wild).flipped(flips)
     np.testing.assert_allclose(there.centers, back.centers, atol=1e-9)
 
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**16), spread=st.floats(0.2, 0.8))
 def test_whatever_is_joined_is_one_piece(seed: int, spread: float) -> None:
-    near = joined(scattered(np.random.default_rng(seed), spread))
+    near = held_together(scattered(np.random.default_rng(seed), spread))
     assert topology(control_of(near)).pieces == 1
 
 
