@@ -185,6 +185,12 @@ class Project:
         self.changed.emit(self.state)
         return self.state
 
+    def go_to(self, position: int) -> ProjectState:
+        """Undo or redo until so many of the changes hold; ProjectError if there are not so many."""
+        self.history.go_to(position)
+        self.changed.emit(self.state)
+        return self.state
+
     def save(self, path: str | Path | None = None, *, embed_scan: bool | None = None) -> Path:
         """Write the project to `path`, or to the file that it came from.
 
