@@ -29,3 +29,21 @@ def asset(name: str) -> Path:
     if not path.is_file():
         raise MbstudioError(f"{path} is missing: the installation is incomplete, install mbstudio again.")
     return path
+
+
+def document(name: str) -> Path:
+    """Return the path of a document, for example ``document("user-guide.md")``.
+
+    Documents lie in ``docs/`` of a checkout and in ``mbstudio/_docs`` of a wheel.
+
+    Raises
+    ------
+    MbstudioError
+        If the installation is incomplete.
+    """
+    for folder in (_PACKAGE / "_docs", _PACKAGE.parent / "docs"):
+        if (folder / name).is_file():
+            return folder / name
+    raise MbstudioError(
+        f"The document {name} is missing: the installation is incomplete, install mbstudio again."
+    )

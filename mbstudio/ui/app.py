@@ -83,6 +83,7 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
             window.files.open_path(Path(scan))
         elif sample:
             window.files.open_sample()
+        window.shell.begin()
 
     QTimer.singleShot(0, begin)
     try:

@@ -15,6 +15,7 @@ from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.latent_link import LatentLink
 from mbstudio.ui.population_link import PopulationLink
+from mbstudio.ui.shell_link import ShellLink
 from mbstudio.ui.style_link import StyleLink
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_link import STATION_LAYERS, ViewLink
@@ -86,6 +87,7 @@ class MainWindow(WindowLayout):
         self.brushing = PopulationLink(self)
         self.style_link = StyleLink(self)
         self.shaping = LatentLink(self)
+        self.shell = ShellLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()
@@ -98,6 +100,7 @@ class MainWindow(WindowLayout):
         self.statusBar().setSizeGripEnabled(False)
         self.wiring = WindowWiring(self)
         self._restore_layout()
+        self.shell.connect_all()
         self._pages.setFocus()
         self.enter("scan")
         self.refresh()
@@ -257,6 +260,7 @@ class MainWindow(WindowLayout):
     def reset_layout(self) -> None:
         """Put table and curve back to where they were at first."""
         self.restoreState(self._first_layout)
+        self.shell.memory.forget()
         self.show_docks()
 
     def choose_theme(self, choice: str, _checked: bool = True) -> None:
@@ -290,6 +294,8 @@ class MainWindow(WindowLayout):
         self.fits.stop()
         if not self.queue.shut_down():
             log.warning("A task did not end in time.")
+        self.shell.autosaves.close()
+        self.shell.close()
         self.latents.close()
         self.link.close()
         self.viewport.close_viewport()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.population_commands import population_commands
+from mbstudio.ui.shell_commands import edit_commands, help_commands, log_commands, recovery_commands
 from mbstudio.ui.style_commands import style_commands
 from mbstudio.ui.view_commands import view_commands
 
@@ -20,12 +21,16 @@ def window_commands(window: MainWindow) -> list[Command]:
     """Return every command of the window."""
     return [
         *_file(window),
+        *recovery_commands(window),
         *_edit(window),
+        *edit_commands(window),
         *_grains(window),
         *_fit(window),
         *population_commands(window),
         *style_commands(window),
         *view_commands(window),
+        *log_commands(window),
+        *help_commands(window),
         *_help(window),
     ]
 

@@ -30,6 +30,7 @@ from mbstudio.ui.panels.latent_panel import LatentPanel
 from mbstudio.ui.panels.population_panel import PopulationPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.panels.style_panel import StylePanel
+from mbstudio.ui.shell_link import ShellLink
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_commands import STATIONS
 from mbstudio.ui.viewport import Viewport
@@ -89,6 +90,7 @@ class WindowLayout(QMainWindow):
     commands: CommandTable
     files: FileActions
     station: str
+    shell: ShellLink
     sweep_shown: bool = False
 
     def refresh(self) -> None:
@@ -266,6 +268,7 @@ class WindowLayout(QMainWindow):
         shaping = self.station == "latent" and self.latents.learner is not None
         self.studio_dock.setVisible(shaping)
         self.gallery_dock.setVisible(shaping)
+        self.shell.memory.apply()
         for dock in (self.sweep_dock, self.plots_dock, self.studio_dock):
             if dock.isVisible() and dock not in self._sized:
                 self._sized.append(dock)

@@ -30,6 +30,7 @@ class Workspace(QObject):
 
     Attributes
     ----------
+    settings : QSettings
     project : Project
     scan : Scan or None
         The opened scan of the present state; None also while its file is missing.
@@ -52,7 +53,7 @@ class Workspace(QObject):
 
     def __init__(self, settings: QSettings, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._settings = settings
+        self.settings = settings
         self.project = Project.new()
         self.scan: Scan | None = None
         self.selected: int | None = None
@@ -152,6 +153,12 @@ class Workspace(QObject):
         self.project.redo()
         self._announce()
 
+    def go_to(self, position: int) -> None:
+        """Undo or redo until so many of the changes in the history hold."""
+        self._coalescing = None
+        self.project.go_to(position)
+        self._announce()
+
     def replace_project(self, project: Project) -> None:
         """Work on another project."""
         self.project.close()
@@ -210,7 +217,7 @@ class Workspace(QObject):
     @property
     def recent(self) -> list[Path]:
         """Files opened or saved last, newest first, those that still exist."""
-        names: Any = self._settings.value("recent", []) or []
+        names: Any = self.settings.value("recent", []) or []
         names = [names] if isinstance(names, str) else list(names)
         return [Path(name) for name in names if Path(name).exists()]
 
@@ -218,7 +225,7 @@ class Workspace(QObject):
         """Put a file at the head of the recent ones."""
         path = path.resolve()
         kept = [path, *(other for other in self.recent if other != path)][:RECENT]
-        self._settings.setValue("recent", [str(entry) for entry in kept])
+        self.settings.setValue("recent", [str(entry) for entry in kept])
         self.recent_changed.emit()
 
     # ---- inside ------------------------------------------------------------------------------

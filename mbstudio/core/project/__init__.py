@@ -1,7 +1,8 @@
 """The project: its state, its file and its history."""
 
+from mbstudio.core.project.autosave import Autosave, AutosaveNote
 from mbstudio.core.project.history import History
 from mbstudio.core.project.project import Project
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 
-__all__ = ["FitSettings", "History", "Project", "ProjectState", "ScanReference"]
+__all__ = ["Autosave", "AutosaveNote", "FitSettings", "History", "Project", "ProjectState", "ScanReference"]

@@ -38,6 +38,16 @@ class History:
         return [title for title, _ in self._entries[1 : self._position + 1]]
 
     @property
+    def all_titles(self) -> list[str]:
+        """Titles of all changes, oldest first, those that were undone among them."""
+        return [title for title, _ in self._entries[1:]]
+
+    @property
+    def position(self) -> int:
+        """How many of `all_titles` hold now; the rest was undone."""
+        return self._position
+
+    @property
     def can_undo(self) -> bool:
         return self._position > 0
 
@@ -86,6 +96,19 @@ class History:
         if not self.can_redo:
             raise ProjectError("There is nothing to redo.")
         self._position += 1
+        return self.state
+
+    def go_to(self, position: int) -> ProjectState:
+        """Undo or redo until so many of the changes hold, and return the state then.
+
+        Raises
+        ------
+        ProjectError
+            If there are not so many changes.
+        """
+        if not 0 <= position < len(self._entries):
+            raise ProjectError(f"There are {len(self._entries) - 1} changes, not {position}.")
+        self._position = position
         return self.state
 
     def clear_redo(self) -> None:

@@ -72,6 +72,18 @@ class Project:
         """
         return cls(read_project(Path(path)), path)
 
+    @classmethod
+    def recovered(cls, state: ProjectState, path: str | Path | None, scan: Scan | None = None) -> Project:
+        """Return a project of work that its file does not hold: unsaved, whatever `path` holds.
+
+        `scan` is given where it is embedded: the file at `path` may not have its voxels.
+        """
+        project = cls(state, path)
+        project._saved_state = None
+        if scan is not None and state.scan is not None:
+            project._open_scans[state.scan.digest] = scan
+        return project
+
     @property
     def state(self) -> ProjectState:
         return self.history.state
@@ -170,6 +182,12 @@ class Project:
     def redo(self) -> ProjectState:
         """Make the change that was taken back last again; ProjectError if there is none."""
         self.history.redo()
+        self.changed.emit(self.state)
+        return self.state
+
+    def go_to(self, position: int) -> ProjectState:
+        """Undo or redo until so many of the changes hold; ProjectError if there are not so many."""
+        self.history.go_to(position)
         self.changed.emit(self.state)
         return self.state
 

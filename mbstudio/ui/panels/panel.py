@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QToolButton, QVBoxLayout, QWidget
 
 from mbstudio.ui.widgets.forms import label
 
@@ -26,7 +26,13 @@ class Panel(QFrame):
         self.body = QVBoxLayout(content)
         self.body.setContentsMargins(20, 18, 20, 18)
         self.body.setSpacing(10)
-        self.body.addWidget(label(title, "title"))
+        self.help = QToolButton()
+        self.help.setToolTip(f"What the guide says about station {title} (F1)")
+        self.help.setAccessibleName(f"Guide: {title}")
+        head = QHBoxLayout()
+        head.addWidget(label(title, "title"), 1)
+        head.addWidget(self.help, 0, Qt.AlignmentFlag.AlignTop)
+        self.body.addLayout(head)
         self.body.addWidget(label(subtitle, "subtitle", wrap=True))
         self.body.addSpacing(4)
         scroll = QScrollArea()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
@@ -46,6 +47,9 @@ class Welcome(QFrame):
             buttons.addWidget(button)
         buttons.addStretch(1)
         layout.addLayout(buttons)
+        self._recovered = QVBoxLayout()
+        self._recovered.setSpacing(8)
+        layout.addLayout(self._recovered)
         layout.addSpacing(14)
         self._recent_heading = label("Recent", "heading")
         layout.addWidget(self._recent_heading)
@@ -57,6 +61,12 @@ class Welcome(QFrame):
         outer.addStretch(1)
         outer.addWidget(content, 4, Qt.AlignmentFlag.AlignVCenter)
         outer.addStretch(1)
+
+    def show_cards(self, cards: Sequence[QWidget]) -> None:
+        """Show cards of work to bring back."""
+        empty(self._recovered)
+        for card in cards:
+            self._recovered.addWidget(card)
 
     def show_recent(self, paths: list[Path]) -> None:
         """List the files opened last."""

@@ -60,17 +60,21 @@ class FitWork(Work):
         The avatar as it stands.
     changed : signal
         Something runs, pauses or has ended.
+    arrived : signal
+        One of many grains was fitted; the project gets them all at the end.
     """
 
     began = Signal(int)
     losses_arrived = Signal(int, object)
     avatar_moved = Signal(int, object)
     changed = Signal()
+    arrived = Signal()
 
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
         self._fitting: _Fitting | None = None
         self._task: Task | None = None
+        self._arrived: tuple[object, list[Any]] = (None, [])
         workspace.grains_changed.connect(self._forget)
         workspace.project_replaced.connect(self._forget)
 
@@ -235,6 +239,14 @@ class FitWork(Work):
 
     # ---- many grains ---------------------------------------------------------------------------
 
+    @property
+    def arrived_fits(self) -> dict[int, FitResult]:
+        """Fits of the run over many grains that are done but not yet in the project, by label."""
+        grains, items = self._arrived
+        if grains is not self.workspace.state.grains:
+            return {}
+        return {item.label: item.result for item in items if item.result is not None}
+
     def unfitted(self) -> list[int]:
         """Labels of the grains inside the scan that have no avatar yet."""
         grains = self.workspace.state.grains
@@ -263,6 +275,8 @@ class FitWork(Work):
             steps,
             fraction=lambda step: (step[0] / len(wanted), f"{step[0]} of {len(wanted)} grains"),
         )
+        self._arrived = (grains, arrived)
+        task.reported.connect(lambda _: self.arrived.emit())
         # What has arrived is kept also when the rest is cancelled or fails.
         task.ended.connect(lambda: self._take_many(grains, arrived))
         task.ended.connect(self.changed)
@@ -271,6 +285,8 @@ class FitWork(Work):
         return task
 
     def _take_many(self, grains: object, items: list[Any]) -> None:
+        if self._arrived[1] is items:
+            self._arrived = (None, [])
         if not items or grains is not self.workspace.state.grains:
             return
         fits = {item.label: item.result for item in items if item.result is not None}

@@ -1,0 +1,252 @@
+"""Work that outlives a crash: what a running program writes beside the project, and the next one finds.
+
+Every running window has a folder of its own with the parts of its project as small project files and a
+note that names them; a lock file beside the folder is held as long as the program lives. The system lets
+go of the lock however the program ends, so that a folder whose lock is free was left behind by a crash.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from mbstudio.core.errors import ProjectError
+from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
+from mbstudio.core.project.project import Project
+from mbstudio.core.project.replacement import replacing
+from mbstudio.core.project.state import ProjectState
+from mbstudio.core.scan import Scan
+
+if TYPE_CHECKING:
+    from mbstudio.core.scan.scan import VoxelArray
+
+# Each part is written only when something in it changed: packing the labels of a large scan takes seconds.
+PARTS: dict[str, tuple[str, ...]] = {
+    "grains": ("scan", "segmentation", "grains"),
+    "style": ("style", "clones"),
+    "work": ("fits", "fit_settings"),
+}
+_NOTE = "note.json"
+
+
+@dataclass(frozen=True)
+class AutosaveNote:
+    """What an autosave holds.
+
+    Attributes
+    ----------
+    path : Path or None
+        The project file that the work belongs to; None if it was never saved.
+    saved : datetime
+        When it was written, in UTC.
+    grains, fits, clones : int
+        How many of each there are.
+    """
+
+    path: Path | None
+    saved: datetime
+    grains: int
+    fits: int
+    clones: int
+
+    @property
+    def title(self) -> str:
+        """Name of the project file, or what an unsaved project is called."""
+        return self.path.name if self.path is not None else "Untitled project"
+
+
+class Autosave:
+    """The autosave of one window, locked against all others; make it with `begin` or `left_behind`.
+
+    Attributes
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path, lock: IO[bytes]) -> None:
+        self.folder = folder
+        self._lock = lock
+        self._written: ProjectState | None = None
+        self._parts: dict[str, str] = {}
+        self._count = 0
+
+    @classmethod
+    def begin(cls, root: Path) -> Autosave:
+        """Return an empty autosave in a new folder below `root`.
+
+        Raises
+        ------
+        OSError
+            If nothing can be written there, or files cannot be locked.
+        """
+        root.mkdir(parents=True, exist_ok=True)
+        folder = root / secrets.token_hex(6)
+        # The lock comes first: a folder without one that is held was left behind.
+        lock = _locked(folder)
+        if lock is None:
+            raise OSError(f"{folder} is used by another program")
+        folder.mkdir()
+        return cls(folder, lock)
+
+    @classmethod
+    def left_behind(cls, root: Path) -> Iterator[Autosave]:
+        """Yield what crashed programs have left, newest first; each stays locked until it is let go.
+
+        What is of no use (nothing was written yet) is removed on the way.
+        """
+        if not root.is_dir():
+            return
+        folders = [entry for entry in root.iterdir() if entry.is_dir()]
+        for folder in sorted(folders, key=lambda entry: entry.stat().st_mtime, reverse=True):
+            lock = _locked(folder)
+            if lock is None:
+                continue
+            found = cls(folder, lock)
+            if (folder / _NOTE).is_file():
+                yield found
+            else:
+                found.discard()
+
+    # ---- writing -------------------------------------------------------------------------------
+
+    def write(self, state: ProjectState, path: Path | None = None, voxels: VoxelArray | None = None) -> None:
+        """Write a state; the one before stays valid until all of this lies on the disk.
+
+        Parameters
+        ----------
+        state : ProjectState
+        path : Path, optional
+            The project file that it belongs to.
+        voxels : VoxelArray, shape (Z, Y, X), optional
+            Of a scan that the project embeds.
+
+        Raises
+        ------
+        ProjectError
+            If the folder cannot be written or the disk is full.
+        """
+        self._count += 1
+        parts = dict(self._parts)
+        for name, fields in PARTS.items():
+            if self._written is not None and all(
+                getattr(state, field) is getattr(self._written, field) for field in fields
+            ):
+                continue
+            parts[name] = f"{name}-{self._count}.mbs"
+            part = ProjectState(**{field: getattr(state, field) for field in fields})
+            write_project(self.folder / parts[name], part, voxels)
+        note = {
+            "parts": parts,
+            "path": None if path is None else str(Path(path).resolve()),
+            "saved": datetime.now(UTC).isoformat(timespec="seconds"),
+            "grains": 0 if state.grains is None else len(state.grains),
+            "fits": len(state.fits),
+            "clones": 0 if state.clones is None else len(state.clones),
+        }
+        try:
+            with replacing(self.folder / _NOTE) as temporary:
+                temporary.write_text(json.dumps(note, indent=1), encoding="utf-8")
+        except OSError as error:
+            raise ProjectError(f"{self.folder} cannot be written ({error}): free some space.") from error
+        self._written, self._parts = state, parts
+        self._remove_all_but({*parts.values(), _NOTE})
+
+    def clear(self) -> None:
+        """Remove what was written: the project's file holds it all."""
+        (self.folder / _NOTE).unlink(missing_ok=True)
+        self._written, self._parts = None, {}
+        self._remove_all_but(set())
+
+    def discard(self) -> None:
+        """Remove everything and let go."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.release()
+        _lock_path(self.folder).unlink(missing_ok=True)
+
+    def release(self) -> None:
+        """Let go; what was written stays for another program to find."""
+        self._lock.close()
+
+    def _remove_all_but(self, kept: set[str]) -> None:
+        for entry in self.folder.iterdir():
+            if entry.name not in kept:
+                entry.unlink(missing_ok=True)
+
+    # ---- reading -------------------------------------------------------------------------------
+
+    @property
+    def note(self) -> AutosaveNote:
+        """What it holds.
+
+        Raises
+        ------
+        ProjectError
+            If the note is damaged.
+        """
+        told = self._read_note()
+        return AutosaveNote(
+            path=Path(told["path"]) if told["path"] else None,
+            saved=datetime.fromisoformat(told["saved"]),
+            grains=told["grains"],
+            fits=told["fits"],
+            clones=told["clones"],
+        )
+
+    def restore(self) -> Project:
+        """Return the project as it was written last: unsaved, with the path of its file.
+
+        Raises
+        ------
+        ProjectError
+            If it is damaged.
+        """
+        told = self._read_note()
+        state, scan = ProjectState(), None
+        for name, fields in PARTS.items():
+            part = read_project(self.folder / told["parts"][name])
+            state = replace(state, **{field: getattr(part, field) for field in fields})
+        reference = state.scan
+        if reference is not None and reference.embedded:
+            voxels = read_embedded_voxels(self.folder / told["parts"]["grains"])
+            scan = Scan(voxels, reference.voxel_size, reference.origin, reference.path)
+        self._written, self._parts = state, dict(told["parts"])
+        # Names of parts written from now on must not meet those that are there.
+        self._count = max(int(file.rpartition("-")[2].partition(".")[0]) for file in told["parts"].values())
+        return Project.recovered(state, Path(told["path"]) if told["path"] else None, scan)
+
+    def _read_note(self) -> dict[str, Any]:
+        try:
+            return json.loads((self.folder / _NOTE).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise ProjectError(f"The autosaved work in {self.folder} cannot be read ({error}).") from error
+
+
+def _lock_path(folder: Path) -> Path:
+    return folder.with_name(f"{folder.name}.lock")
+
+
+def _locked(folder: Path) -> IO[bytes] | None:
+    """Return the locked lock file of a folder; None if another program (or window) holds it."""
+    stream = _lock_path(folder).open("ab")
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        stream.close()
+        if isinstance(error, BlockingIOError | PermissionError):
+            return None
+        raise
+    return stream

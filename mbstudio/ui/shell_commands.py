@@ -1,0 +1,101 @@
+"""The commands of the shell: history, log, preferences, recovery, and what helps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbstudio.ui.commands import Command
+
+if TYPE_CHECKING:
+    from mbstudio.ui.main_window import MainWindow
+
+
+def recovery_commands(window: MainWindow) -> list[Command]:
+    """Return what the menu File offers after a crash."""
+    return [
+        Command(
+            "project.restore",
+            "Restore unsaved work",
+            lambda: window.shell.restore(),
+            "File",
+            "",
+            "ph.clock-counter-clockwise",
+            "Bring back what was worked on when the program ended early",
+            lambda: bool(window.shell.autosaves.leftovers),
+        ),
+    ]
+
+
+def edit_commands(window: MainWindow) -> list[Command]:
+    """Return history and preferences, for the menu Edit."""
+    return [
+        Command(
+            "panel.history",
+            "History",
+            window.shell.show_history,
+            "Edit",
+            "Ctrl+H",
+            "ph.clock-counter-clockwise",
+            "Show all changes; a click goes back or forth to one",
+            checked=lambda: not window.shell.history_dock.isHidden(),
+        ),
+        Command(
+            "window.preferences",
+            "Preferences…",
+            window.shell.open_preferences,
+            "Edit",
+            "Ctrl+,",
+            "ph.gear",
+            "Theme, processes, autosave",
+            separated=True,
+        ),
+    ]
+
+
+def log_commands(window: MainWindow) -> list[Command]:
+    """Return the log, for the menu View."""
+    return [
+        Command(
+            "panel.log",
+            "Messages and log",
+            window.shell.show_log,
+            "View",
+            "Ctrl+Shift+L",
+            "ph.list-bullets",
+            "Show or hide what was said so far",
+            checked=lambda: not window.shell.log_dock.isHidden(),
+        ),
+    ]
+
+
+def help_commands(window: MainWindow) -> list[Command]:
+    """Return what the menu Help begins with."""
+    return [
+        Command(
+            "help.guide",
+            "Guide to this station",
+            lambda: window.shell.open_guide(),
+            "Help",
+            "F1",
+            "ph.question",
+            "Open the user guide where it speaks of the station that is open",
+        ),
+        Command(
+            "help.shortcuts",
+            "Keyboard shortcuts",
+            window.shell.open_shortcuts,
+            "Help",
+            "?",
+            "ph.keyboard",
+            "Show all shortcuts on one sheet",
+        ),
+        Command(
+            "help.tour",
+            "Tour in five steps",
+            window.shell.start_tour,
+            "Help",
+            "",
+            "ph.map-trifold",
+            "Show what stands where",
+        ),
+    ]

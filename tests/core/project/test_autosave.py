@@ -1,0 +1,158 @@
+"""Work that outlives a crash: what is written comes back, and nobody takes what another one uses."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mbstudio.core.errors import ProjectError
+from mbstudio.core.project import Autosave, FitSettings, Project, ProjectState, autosave
+from mbstudio.core.scan import Scan
+from mbstudio.core.units import VoxelSize
+from tests.core.project.test_file import assert_same
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A folder for autosaves; locks that a test still holds end with it."""
+    held = []
+
+    def locked(folder):
+        held.append(take(folder))
+        return held[-1]
+
+    take = autosave._locked
+    monkeypatch.setattr(autosave, "_locked", locked)
+    yield tmp_path / "autosave"
+    for lock in held:
+        if lock is not None:
+            lock.close()
+
+
+def test_what_was_written_comes_back_unsaved_with_the_path_of_its_file(root, state, tmp_path):
+    written = Autosave.begin(root)
+    written.write(state, tmp_path / "sand.mbs")
+    written.release()
+    (found,) = Autosave.left_behind(root)
+    assert (found.note.title, found.note.grains, found.note.fits) == ("sand.mbs", 2, len(state.fits))
+    project = found.restore()
+    assert_same(state, project.state)
+    assert project.path == tmp_path / "sand.mbs"
+    assert project.is_modified
+
+
+def test_only_what_changed_is_written_again(root, state):
+    saved = Autosave.begin(root)
+    saved.write(state)
+    before = {entry.name for entry in saved.folder.iterdir()}
+    changed = replace(state, fit_settings=FitSettings(n=77))
+    saved.write(changed)
+    after = {entry.name for entry in saved.folder.iterdir()}
+    assert {name.partition("-")[0] for name in after - before} == {"work"}
+    assert len(after) == 4, "what was replaced is gone"
+    assert_same(changed, saved.restore().state)
+
+
+def test_an_embedded_scan_comes_back_though_no_file_holds_it(root):
+    voxels = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+    project = Project.new(Scan(voxels, VoxelSize(14.0, 14.0, 14.0, "um")))
+    saved = Autosave.begin(root)
+    saved.write(project.state, None, voxels)
+    restored = saved.restore()
+    np.testing.assert_array_equal(restored.scan.voxels, voxels)
+    assert restored.path is None
+
+
+def test_after_a_restore_the_writing_goes_on_where_it_was(root, state):
+    first = Autosave.begin(root)
+    first.write(state)
+    first.release()
+    (second,) = Autosave.left_behind(root)
+    restored = second.restore().state
+    later = replace(restored, fit_settings=FitSettings(n=55))
+    second.write(later)
+    assert_same(later, second.restore().state)
+
+
+def test_what_another_window_uses_is_not_found(root):
+    used = Autosave.begin(root)
+    used.write(ProjectState())
+    assert not list(Autosave.left_behind(root))
+    used.release()
+    first = list(Autosave.left_behind(root))
+    assert len(first) == 1
+    # Offered by one window, it is not offered by a second one.
+    assert not list(Autosave.left_behind(root))
+    first[0].release()
+    assert len(list(Autosave.left_behind(root))) == 1
+
+
+def test_nothing_is_left_after_a_clean_end_or_before_the_first_write(root):
+    saved = Autosave.begin(root)
+    saved.write(ProjectState())
+    saved.discard()
+    assert not list(root.iterdir())
+    Autosave.begin(root).release()
+    assert not list(Autosave.left_behind(root))
+    assert not list(root.iterdir())
+
+
+def test_cleared_work_is_not_offered(root):
+    saved = Autosave.begin(root)
+    saved.write(ProjectState())
+    saved.clear()
+    saved.release()
+    assert not list(Autosave.left_behind(root))
+
+
+def test_damage_is_told(root):
+    saved = Autosave.begin(root)
+    saved.write(ProjectState())
+    (part,) = saved.folder.glob("work-*.mbs")
+    part.write_bytes(part.read_bytes()[:100])
+    with pytest.raises(ProjectError, match="damaged"):
+        saved.restore()
+    (saved.folder / "note.json").write_text("{")
+    with pytest.raises(ProjectError, match="cannot be read"):
+        saved.note
+
+
+def test_a_failed_write_leaves_the_one_before(root, state, monkeypatch):
+    saved = Autosave.begin(root)
+    saved.write(state)
+
+    def full(*args):
+        raise ProjectError("disk full")
+
+    monkeypatch.setattr("mbstudio.core.project.autosave.write_project", full)
+    with pytest.raises(ProjectError, match="disk full"):
+        saved.write(replace(state, fit_settings=FitSettings(n=9)))
+    monkeypatch.undo()
+    assert_same(state, saved.restore().state)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+def test_a_killed_program_lets_go_of_its_lock(root):
+    script = (
+        "import sys, time; from pathlib import Path\n"
+        "from mbstudio.core.project import Autosave, ProjectState\n"
+        "a = Autosave.begin(Path(sys.argv[1])); a.write(ProjectState()); print('written', flush=True)\n"
+        "time.sleep(60)"
+    )
+    program = subprocess.Popen([sys.executable, "-c", script, str(root)], stdout=subprocess.PIPE, text=True)
+    assert program.stdout.readline() == "written\n"
+    assert not list(Autosave.left_behind(root))
+    os.kill(program.pid, signal.SIGKILL)
+    program.wait()
+    program.stdout.close()
+    deadline = time.monotonic() + 5
+    while not (found := list(Autosave.left_behind(root))) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(found) == 1
