@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-from itertools import pairwise
 
 import imageio.v3 as imageio
 import numpy as np
@@ -18,65 +17,14 @@ from mbstudio.core.vae.latent_recipe import Operation
 from mbstudio.core.vae.live_grain import AT_REST, MOVING
 from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
-from mbstudio.core.vae.training import learn
 from mbstudio.scene import camera
 from mbstudio.scene.morph_animation import AnimationError, require_writer
 from mbstudio.ui.latest import LatestOnly
 from mbstudio.ui.widgets.blend_page import STRIP
 from mbstudio.ui.widgets.factor_radar import standing
 from mbstudio.ui.widgets.grain_strip import grain_mime
-from tests.core.vae.boxes import boxes
 from tests.ui.conftest import PATIENCE
-
-
-@pytest.fixture(scope="module")
-def learner():
-    return learn(boxes(20, np.random.default_rng(2)), preset="pca", seed=0)
-
-
-@pytest.fixture(scope="module")
-def meanings(learner):
-    return Meanings.of(learner)
-
-
-@pytest.fixture
-def rest(qtbot, window, idle):
-    """Wait until nothing is being shown, learned or drawn any more."""
-
-    def wait():
-        for _ in range(2):
-            idle()
-            qtbot.waitUntil(lambda: window.latents.live.is_idle, timeout=PATIENCE)
-            QCoreApplication.processEvents()
-
-    return wait
-
-
-@pytest.fixture
-def shaping(window, rest, learner, meanings, monkeypatch):
-    """The window at station Latent with a style-learner; its meanings are learned once for all tests."""
-    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
-    window.enter("latent")
-    window.workspace.use_style(learner)
-    rest()
-    return window
-
-
-def drag(slider, *shares):
-    """Press a slider's handle, drag it to each share of its length, and let it go there."""
-    button = Qt.MouseButton.LeftButton
-    places = [QPoint(round(7 + share * (slider.width() - 14)), slider.height() // 2) for share in shares]
-    QTest.mousePress(slider, button, pos=places[0])
-    for start, end in pairwise(places):
-        for step in (0.34, 0.67, 1.0):
-            QTest.mouseMove(slider, start + (end - start) * step)
-            QTest.qWait(5)
-    QTest.mouseRelease(slider, button, pos=places[-1])
-
-
-def changed(before, after):
-    """Share of the pixels of two pictures that differ."""
-    return float((np.abs(before.astype(int) - after).max(axis=2) > 12).mean())
+from tests.ui.hand import changed, drag
 
 
 def test_without_a_style_learner_the_panel_explains(window, idle, rest, learner, tmp_path):

@@ -1,7 +1,8 @@
 """How a grain was shaped by hand: its operations one by one, so that it can be made again.
 
 Every operation is a pure function of the style-learner, the latent vector before it and what it was
-given; its randomness is a seed. What it leads to is kept within the parents' range.
+given; its randomness is a seed. What it leads to is kept within the parents' range unless it is given
+`BEYOND`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from mbstudio.core.vae.style_learner import StyleLearner
 if TYPE_CHECKING:
     from mbstudio.core.vae.meaning import Meanings
 
+BEYOND = "beyond"
+"""What an operation is given with True where it may lead far outside the parents."""
 _ON_THE_WAY = 2
 """How often the grain is measured on the way to a value: a slider must not wait for more."""
 _CORRECTIONS = 4
@@ -130,7 +133,9 @@ def carried_out(
     operation: Operation,
     meanings: Meanings | None = None,
 ) -> tuple[Float64[np.ndarray, " d"], bool]:
-    """Return the latent vector after an operation, and whether it had to be held within the parents' range.
+    """Return the latent vector after an operation, and whether that led beyond the parents' range.
+
+    There it is held at the edge of the range, unless the operation is given `BEYOND`.
 
     Raises
     ------
@@ -146,8 +151,9 @@ def carried_out(
         moved = OPERATIONS[operation.kind](learner, here, operation.given, meanings)
     except KeyError as error:
         raise StyleError(f"Operation '{operation.kind}' lacks {error}.") from None
-    held = by_hand.is_far_outside(learner, moved)
-    return (by_hand.clamped(learner, moved) if held else moved), held
+    outside = by_hand.is_far_outside(learner, moved)
+    held = outside and not operation.given.get(BEYOND)
+    return (by_hand.clamped(learner, moved) if held else moved), outside
 
 
 # ---- the operations --------------------------------------------------------------------------------

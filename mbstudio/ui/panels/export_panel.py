@@ -27,7 +27,7 @@ from mbstudio.ui.workspace import Workspace
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.kept_grain import KeptGrain
     from mbstudio.core.vae.style_learner import StyleLearner
     from mbstudio.ui.work.export_work import ExportWork
 
@@ -50,7 +50,7 @@ class ExportPanel(Panel):
         super().__init__("Export", "Hand the avatars over to a DEM engine.")
         self._workspace = workspace
         self._clones: Generation | None = None
-        self.kept: list[Recipe] = []
+        self.kept: list[KeptGrain] = []
         self._learner: StyleLearner | None = None
         self.target = QComboBox()
         for name, target in targets().items():
@@ -134,13 +134,13 @@ class ExportPanel(Panel):
         self._clones = clones
         self.refresh()
 
-    def kept_grains(self) -> tuple[StyleLearner, list[Recipe]] | None:
+    def kept_grains(self) -> tuple[StyleLearner, list[KeptGrain]] | None:
         """Return the kept grains with the style-learner that decodes them, where they were chosen."""
         if self.selection.currentData() != "kept" or self._learner is None or not self.kept:
             return None
         return self._learner, self.kept
 
-    def set_kept(self, kept: Sequence[Recipe], learner: StyleLearner | None) -> None:
+    def set_kept(self, kept: Sequence[KeptGrain], learner: StyleLearner | None) -> None:
         """Offer the kept grains of the latent studio."""
         self.kept, self._learner = list(kept), learner
         self.refresh()
@@ -221,7 +221,7 @@ class ExportPanel(Panel):
         self._hint.setVisible(bool(text))
         self.export_button.setEnabled(self.is_ready)
         count = self.count
-        what = "avatar" if self.clones() is None else "clone"
+        what = "clone" if self.clones() else "kept grain" if self.kept_grains() else "avatar"
         self.export_button.setText(f"Export {count} {what}{'s' if count != 1 else ''}" if count else "Export")
 
     def _target_changed(self) -> None:

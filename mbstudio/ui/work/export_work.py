@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
+from mbstudio.core.vae.kept_grain import to_export
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task
 
 if TYPE_CHECKING:
     from mbstudio.core.metaball import Avatar
     from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.kept_grain import KeptGrain
     from mbstudio.core.vae.style_learner import StyleLearner
-
-RECIPES = "recipes.json"
-"""Beside exported kept grains: how each was made."""
 
 
 class ExportWork(Work):
@@ -71,7 +67,7 @@ class ExportWork(Work):
     def export_kept(
         self,
         learner: StyleLearner,
-        kept: list[Recipe],
+        kept: Sequence[KeptGrain],
         target: str,
         folder: Path,
         *,
@@ -81,11 +77,9 @@ class ExportWork(Work):
         overwrite: bool = False,
     ) -> Task:
         """Write grains kept in the latent studio, with their recipes beside them."""
-        names = [recipe.name.replace(" ", "_") for recipe in kept]
-        avatars = learner.decode(np.stack([recipe.vector for recipe in kept]), names=tuple(names)).avatars()
-        recipes = json.dumps([recipe.as_record() for recipe in kept], indent=1)
+        avatars, names, attached = to_export(learner, kept)
         return self._write(
-            avatars, names, "kept grain", target, folder, {RECIPES: recipes},
+            avatars, names, "kept grain", target, folder, attached,
             unit=unit, density=density, options=options, overwrite=overwrite,
         )  # fmt: skip
 
