@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyvista as pv
 from jaxtyping import Float
-from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from mbstudio.scene import camera
+from mbstudio.scene.picking import label_under
 from mbstudio.scene.surfaces import LABEL_ARRAY, Surface, avatar_surface, merge
 from mbstudio.scene.theme import SceneTheme, rgb
 
@@ -140,13 +140,7 @@ class Gallery:
         """Return the label of the body under a pixel (from the lower left), or None."""
         if self._actor is None or not self.is_visible:
             return None
-        picker = vtkCellPicker()
-        picker.SetTolerance(0.0005)
-        picker.PickFromListOn()
-        picker.AddPickList(self._actor)
-        if not picker.Pick(x, y, 0, renderer) or picker.GetCellId() < 0:
-            return None
-        return int(picker.GetDataSet().GetCellData().GetArray(LABEL_ARRAY).GetTuple1(picker.GetCellId()))
+        return label_under(renderer, [self._actor], x, y)
 
     def _colour(self) -> None:
         if self._mesh is None:
