@@ -9,8 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from mbstudio.core.imaging.deviation import Deviation, deviation
-from mbstudio.scene.annotations import readable_length
-from mbstudio.scene.colour_scale import ColourScale, diverging_colours, round_range
+from mbstudio.scene.colour_scale import ColourScale, diverging_colours, readable_unit, round_range
 from mbstudio.scene.surfaces import Surface, avatar_surface
 
 if TYPE_CHECKING:
@@ -42,15 +41,6 @@ def deviation_surface(avatar: Avatar, grain: Grain, cells: int = 72) -> Deviatio
     surface, mesh = avatar_surface(avatar, cells), grain.surface_mesh()
     reference = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
     return DeviationSurface(surface, deviation((surface.points, surface.triangles), reference, grain.unit))
-
-
-def signed_length(length: float, unit: str) -> str:
-    """Return a length with its sign and a readable unit.
-
-    >>> signed_length(-0.0042, "mm")
-    '−4.2 µm'
-    """
-    return ("+" if length >= 0 else "\N{MINUS SIGN}") + readable_length(float(f"{abs(length):.3g}"), unit)
 
 
 class DeviationMap:
@@ -86,11 +76,12 @@ class DeviationMap:
         actor.mapper.interpolate_before_map = True
         actor.prop.interpolation = "Phong"
         actor.prop.culling = "back"
+        factor, label = readable_unit(self.reach, found.unit)
+        sign = "+" if found.largest >= 0 else "\N{MINUS SIGN}"
         self.scale.show(
             "Deviation",
             self.reach,
             found.unit,
-            f"rms {readable_length(float(f'{found.rms:.3g}'), found.unit)}\n"
-            f"largest {signed_length(found.largest, found.unit)}",
+            f"rms {found.rms * factor:.3g} {label}\nlargest {sign}{abs(found.largest) * factor:.3g} {label}",
         )
         return actor

@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pyvista as pv
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from mbstudio.scene import camera
 from mbstudio.scene.annotations import ScaleBar, colour_axes
 from mbstudio.scene.camera import VIEWS, View
+from mbstudio.scene.clip_box import ClipBox
 from mbstudio.scene.deviation_map import DeviationMap, DeviationSurface
 from mbstudio.scene.gallery import Gallery
 from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
+from mbstudio.scene.measurements import Measurements
 from mbstudio.scene.overviews import Overviews
-from mbstudio.scene.picking import label_under
+from mbstudio.scene.picking import label_under, point_under, sight
 from mbstudio.scene.slices import SlicePlanes, scan_box
 from mbstudio.scene.surfaces import Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme
@@ -69,6 +71,8 @@ class Scene:
         self._bar = ScaleBar(plotter, unit, theme.ink)
         self._bar.set_visible(False)
         self._deviation = DeviationMap(self.plotter, theme.ink)
+        self.measurements = Measurements(self._renderer, theme, unit)
+        self.clip = ClipBox(self.plotter, theme)
         self.plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
         self.set_theme(theme)
 
@@ -146,7 +150,7 @@ class Scene:
     def set_unit(self, unit: str | None) -> None:
         """Take another unit of the coordinates, for the scale bar; None leaves it."""
         if unit is not None:
-            self.unit = self._bar.unit = unit
+            self.unit = self._bar.unit = self.measurements.unit = unit
 
     def set_others(self, surface: Surface | None) -> None:
         """Show the surface of the chosen grains beside the selected one, solid within the overview."""
@@ -215,6 +219,8 @@ class Scene:
         self._renderer.set_background(theme.bottom, top=theme.top)
         self._bar.recolour(theme.ink)
         self._deviation.scale.recolour(theme.ink)
+        self.measurements.recolour(theme)
+        self.clip.recolour(theme)
         if self._box is not None:
             self._box.prop.color = theme.ink
         if self.slices is not None:
@@ -244,7 +250,8 @@ class Scene:
 
     def set_pixel_ratio(self, ratio: float) -> None:
         """Tell how many pixels of the picture one of the screen's units is, for text and lines."""
-        self._bar.pixel_ratio = self._deviation.scale.pixel_ratio = ratio
+        for part in (self._bar, self._deviation.scale, self.measurements, self.clip):
+            part.pixel_ratio = ratio
 
     # ---- camera -------------------------------------------------------------------------
 
@@ -285,6 +292,18 @@ class Scene:
         shown = [self._actors[layer] for layer in LABELLED if layer in self._actors and self._visible[layer]]
         return label_under(self._renderer, shown, x, y)
 
+    def point_at(self, x: float, y: float) -> Float[np.ndarray, "3"] | None:
+        """Return the foremost point of a surface or slice under a pixel (from the lower left), or None."""
+        surfaces = [
+            actor for actor in self._cuttable() if actor.GetVisibility() and isinstance(actor, pv.Actor)
+        ]
+        start, along = sight(self._renderer, x, y)
+        found = [point_under(self._renderer, surfaces, x, y)]
+        if self.slices is not None:
+            found.append(self.slices.point_on(start, along))
+        there = [point for point in found if point is not None]
+        return min(there, key=lambda point: float((point - start) @ along)) if there else None
+
     def screenshot(self) -> UInt8[np.ndarray, "h w 3"]:
         """Render and return the picture."""
         self.plotter.render()
@@ -324,6 +343,11 @@ class Scene:
             self.select(self.selected, self.chosen)
         self._apply_visibility()
 
+    def _cuttable(self) -> list[Any]:
+        """Return the actors of all surfaces and of the volume."""
+        more = (self._overviews.others, self.gallery.actor)
+        return [*self._actors.values(), *(actor for actor in more if actor is not None)]
+
     def _remove(self, layer: Layer) -> None:
         self._overviews.forget(layer)
         actor = self._actors.pop(layer, None)
@@ -340,6 +364,7 @@ class Scene:
             self._overviews.others.SetVisibility(self._visible["grains"])
         if self._box is not None:
             self._box.SetVisibility(any(self._visible[layer] for layer in ("slices", "volume", "grains")))
+        self.clip.cut(self._cuttable())
         self._deviation.scale.set_visible(self.has_deviation and self._visible["deviation"])
         self._bar.set_visible(self.points() is not None)
 
@@ -348,3 +373,5 @@ class Scene:
         self.clear()
         self._bar.remove()
         self._deviation.scale.remove()
+        self.measurements.remove()
+        self.clip.remove()

@@ -20,6 +20,7 @@ from mbstudio.ui.station_layers import STATION_LAYERS
 from mbstudio.ui.style_link import StyleLink
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view_link import ViewLink
+from mbstudio.ui.view_tools import ViewTools
 from mbstudio.ui.viewport import make_viewport
 from mbstudio.ui.widgets.command_palette import CommandPalette
 from mbstudio.ui.widgets.message_bar import MessageBar
@@ -89,6 +90,7 @@ class MainWindow(WindowLayout):
         self.style_link = StyleLink(self)
         self.shaping = LatentLink(self)
         self.slicing = SliceLink(self)
+        self.tools = ViewTools(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()

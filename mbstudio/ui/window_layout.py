@@ -32,7 +32,9 @@ from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.panels.style_panel import StylePanel
 from mbstudio.ui.slice_link import SliceLink
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.tool_commands import TOOLS
 from mbstudio.ui.view_commands import STATIONS
+from mbstudio.ui.view_tools import ViewTools
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.gallery import Gallery
@@ -91,6 +93,7 @@ class WindowLayout(QMainWindow):
     commands: CommandTable
     files: FileActions
     slicing: SliceLink
+    tools: ViewTools
     station: str
     sweep_shown: bool = False
 
@@ -226,6 +229,7 @@ class WindowLayout(QMainWindow):
                 menu.addAction(self.commands.action(command.id))
         views.setMenu(menu)
         self.view_bar.addWidget(views)
+        self.view_bar.addWidget(self._tools_button())
         centre = QWidget()
         centre.setObjectName("centre")
         layout = QVBoxLayout(centre)
@@ -233,8 +237,21 @@ class WindowLayout(QMainWindow):
         layout.setSpacing(0)
         layout.addWidget(self.view_bar)
         layout.addWidget(self.messages)
+        layout.addWidget(self.tools.bar)
         layout.addWidget(self._pages, 1)
         self.setCentralWidget(centre)
+
+    def _tools_button(self) -> QToolButton:
+        button = QToolButton()
+        self.icons.set(button, "ph.ruler")
+        button.setToolTip("Measure, clip, compare …")
+        button.setAccessibleName("Tools of the view")
+        button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(button)
+        for name in TOOLS:
+            menu.addAction(self.commands.action(name))
+        button.setMenu(menu)
+        return button
 
     def _make_menus(self) -> None:
         self._menus = {name: self.menuBar().addMenu(f"&{name}") for name in MENUS}
