@@ -9,6 +9,7 @@ from mbstudio.ui.commands import Command
 from mbstudio.ui.population_commands import population_commands
 from mbstudio.ui.shell_commands import edit_commands, help_commands, log_commands, recovery_commands
 from mbstudio.ui.style_commands import style_commands
+from mbstudio.ui.tool_commands import tool_commands
 from mbstudio.ui.view_commands import view_commands
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def window_commands(window: MainWindow) -> list[Command]:
         *population_commands(window),
         *style_commands(window),
         *view_commands(window),
+        *tool_commands(window),
         *log_commands(window),
         *help_commands(window),
         *_help(window),

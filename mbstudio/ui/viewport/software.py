@@ -28,6 +28,7 @@ class SoftwareViewport(Viewport):
         self.plotter = pv.Plotter(off_screen=True, window_size=[640, 480])
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName("3-D view")
+        self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self._image: QImage | None = None
         self._last: QPointF | None = None
@@ -79,15 +80,21 @@ class SoftwareViewport(Viewport):
             self.request_render()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
+        if self.offer(event):
+            return
         self._last = event.position()
         self.watch_clicks(event)
+        self.moving.emit(True)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self.offer(event):
+            return
         self._last = None
         self.watch_clicks(event)
+        self.moving.emit(False)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        if self._last is None:
+        if self.offer(event) or self._last is None:
             return
         moved = event.position() - self._last
         self._last = event.position()
