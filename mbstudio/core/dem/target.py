@@ -64,6 +64,8 @@ class Job:
         To be called with the fraction done; it raises to cancel.
     specimen : Specimen or None
         Particles that are to be poured, in `unit`.
+    remarks : dict
+        What a target wants the manifest to say further about a body, by its name; ``warnings`` are told.
     """
 
     bodies: Sequence[DemBody]
@@ -73,6 +75,7 @@ class Job:
     options: Mapping[str, Any]
     progress: Progress
     specimen: Specimen | None = None
+    remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
