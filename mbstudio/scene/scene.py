@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pyvista as pv
@@ -19,6 +19,7 @@ from mbstudio.scene import camera
 from mbstudio.scene.annotations import ScaleBar, colour_axes
 from mbstudio.scene.camera import VIEWS, View
 from mbstudio.scene.gallery import Gallery
+from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
 from mbstudio.scene.slices import SlicePlanes
 from mbstudio.scene.surfaces import LABEL_ARRAY, Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme, label_colours, rgb
@@ -26,18 +27,6 @@ from mbstudio.scene.volume import VolumeVoxels, add_volume
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
-
-Layer = Literal[
-    "slices", "volume", "grains", "avatars", "grain", "avatar", "points", "live", "ghost_a", "ghost_b"
-]
-LAYERS: tuple[Layer, ...] = get_args(Layer)
-LABELLED: tuple[Layer, ...] = ("grains", "avatars")
-SEE_THROUGH: tuple[Layer, ...] = ("grain", "ghost_a", "ghost_b")
-COLOURS: dict[Layer, str] = {
-    "grain": "grain", "avatar": "avatar", "points": "points",
-    "live": "avatar", "ghost_a": "grain", "ghost_b": "points",
-}  # fmt: skip
-"""Which of the theme's colours each single surface has."""
 
 __all__ = ["LAYERS", "VIEWS", "Layer", "Scene", "View"]
 
@@ -65,7 +54,7 @@ class Scene:
         self._scan: Scan | None = None
         self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
         self._opacity: dict[Layer, float] = {
-            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22
+            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22, "envelope": 0.4
         }  # fmt: skip
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
@@ -152,6 +141,17 @@ class Scene:
         """Show two grains through which one can see, as what the live one lies between."""
         self._set_surface("ghost_a", first, None)
         self._set_surface("ghost_b", second, None)
+
+    def set_export(self, shape: Surface | None, avatar: Surface | None, unit: str | None = None) -> None:
+        """Show what stands for an avatar in an export, and the avatar over it."""
+        self._set_surface("shape", shape, unit)
+        self._set_surface("envelope", avatar, None)
+
+    def set_edges(self, shown: bool) -> None:
+        """Draw the edges of the export's triangles."""
+        if "shape" in self._actors:
+            self._actors["shape"].prop.show_edges = shown
+            self._actors["shape"].prop.edge_color = self.theme.ink
 
     def set_unit(self, unit: str | None) -> None:
         """Take another unit of the coordinates, for the scale bar; None leaves it."""

@@ -22,24 +22,18 @@ from mbstudio.scene.surfaces import (
     label_surface,
 )
 from mbstudio.scene.volume import volume_voxels
+from mbstudio.ui.station_layers import FIRST_LAYERS, STATION_LAYERS
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.work.fit_work import FitWork, LiveAvatar
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
-# Layers that can be switched at each station.
-STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
-    "scan": ("slices", "volume"),
-    "grains": ("slices", "volume", "grains"),
-    "fit": ("slices", "grain", "avatar", "points"),
-    "populations": ("slices", "grains", "avatars"),
-    "style": (),
-    "latent": ("live", "ghost_a", "ghost_b"),
-    "export": ("slices", "grains", "avatars"),
-}
 # Longest side in voxels of overview and volume: what software renders in a fraction of a second.
 DETAIL = {"OpenGL": (320, 384), "software": (140, 160)}
+
+
+__all__ = ["STATION_LAYERS", "ViewLink"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,19 +75,11 @@ class ViewLink(QObject):
         self.scene = Scene(viewport.plotter, theme.scene)
         self.station = "scan"
         self._fits = fits
-        # What each station shows unless told otherwise.
-        self._layers: dict[str, set[Layer]] = {
-            "scan": {"slices"},
-            "grains": {"grains"},
-            "fit": {"grain", "avatar"},
-            "populations": {"grains"},
-            "style": set(),
-            "latent": {"live"},
-            "export": {"avatars"},
-        }
+        self._layers: dict[str, set[Layer]] = {name: set(shown) for name, shown in FIRST_LAYERS.items()}
         self._factors: dict[int, ShapeFactors] = {}
         self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
+        self.preview: object = None  # what of an export is looked at, in place of the avatars
         self._tray = TrayCamera(self.scene)
         self._shown_grain: int | None = None
         workspace.scan_changed.connect(self._scan_changed)
@@ -357,7 +343,8 @@ class ViewLink(QObject):
         """Show the layers of the station; where they are empty, what comes before them."""
         state, layers = self.workspace.state, set(self._layers[self.station])
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
-        tray = self.shows_tray and self.scene.gallery.holds_something
+        previewing = self.station == "export" and self.preview is not None
+        tray = self.shows_tray and self.scene.gallery.holds_something and not previewing
         if self.station == "style" and not tray:
             layers = set(whole)
         elif self.station in ("grains", "populations") and state.grains is None:
@@ -366,6 +353,10 @@ class ViewLink(QObject):
             self.station == "export" and not state.fits
         ):
             layers = whole
+        if previewing:
+            layers = self._layers["export"] & {"shape", "envelope"}
+        elif self.station == "export":
+            layers -= {"shape", "envelope"}
         overview = self.station in ("grains", "populations") or (self.station == "style" and not tray)
         if overview and self.workspace.selected is not None and "grains" in layers:
             layers |= {"grain"}
@@ -375,7 +366,8 @@ class ViewLink(QObject):
         self.scene.show_gallery(tray)
         single = self.station == "fit" and self.workspace.selected is not None
         latent = self.station == "latent"
-        focus = (self.workspace.selected if single else None, latent, self.scene.points() is not None)
+        looked_at = self.preview if previewing else self.workspace.selected if single else None
+        focus = (looked_at, latent, self.scene.points() is not None)
         at_tray = self._tray.follow(tray, view is not None)
         if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.
