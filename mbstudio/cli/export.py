@@ -48,6 +48,15 @@ def export(
         ),
     ] = "valid",
     spheres: Annotated[int | None, typer.Option("--spheres", help="Spheres of each clump.")] = None,
+    clump_target: Annotated[
+        str | None,
+        typer.Option(
+            "--clump-target",
+            metavar="TARGET",
+            help="What each clump is to reach with as few spheres as may be: 'iou 0.95', 'hausdorff 3 %', "
+            "'volume 1 %', 'inertia 1 %'; 'and n 200' sets the most spheres.",
+        ),
+    ] = None,
     option: Annotated[
         list[str] | None,
         typer.Option("--option", metavar="NAME=VALUE", help="A further option of the target."),
@@ -91,6 +100,10 @@ def export(
     plan = _plan(specimen, curve, seed, share or [], box_width)
     if spheres is not None:
         options["spheres"] = spheres
+    if clump_target is not None:
+        if spheres is not None:
+            raise ExportError("--spheres and --clump-target exclude each other: give one of them.")
+        options["clump_target"] = clump_target
     project = Project.open(source)
     names: list[str] | None = None
     attachments: dict[str, str] = {}

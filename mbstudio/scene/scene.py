@@ -58,7 +58,7 @@ class Scene:
         self._scan: Scan | None = None
         self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
         self._opacity: dict[Layer, float] = {
-            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22
+            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22, "envelope": 0.4
         }  # fmt: skip
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
@@ -146,6 +146,17 @@ class Scene:
         """Show two grains through which one can see, as what the live one lies between."""
         self._set_surface("ghost_a", first, None)
         self._set_surface("ghost_b", second, None)
+
+    def set_export(self, shape: Surface | None, avatar: Surface | None, unit: str | None = None) -> None:
+        """Show what stands for an avatar in an export, and the avatar over it."""
+        self._set_surface("shape", shape, unit)
+        self._set_surface("envelope", avatar, None)
+
+    def set_edges(self, shown: bool) -> None:
+        """Draw the edges of the export's triangles."""
+        if "shape" in self._actors:
+            self._actors["shape"].prop.show_edges = shown
+            self._actors["shape"].prop.edge_color = self.theme.ink
 
     def set_unit(self, unit: str | None) -> None:
         """Take another unit of the coordinates, for the scale bar; None leaves it."""

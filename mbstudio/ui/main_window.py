@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QLabel
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.export_link import ExportLink
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.latent_link import LatentLink
@@ -93,6 +94,7 @@ class MainWindow(WindowLayout):
         self.slicing = SliceLink(self)
         self.tools = ViewTools(self)
         self.shell = ShellLink(self)
+        self.exporting = ExportLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()
@@ -230,6 +232,8 @@ class MainWindow(WindowLayout):
             self.brushing.entered()
         if station == "style":
             self.style_link.entered()
+        if "export" in (before, station):
+            self.exporting.entered() if station == "export" else self.exporting.left()
         if "latent" in (before, station):
             self.shaping.entered() if station == "latent" else self.shaping.left()
             self.refresh()

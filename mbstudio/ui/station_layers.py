@@ -12,7 +12,7 @@ STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
     "populations": ("slices", "grains", "avatars"),
     "style": (),
     "latent": ("live", "ghost_a", "ghost_b"),
-    "export": ("slices", "grains", "avatars"),
+    "export": ("slices", "grains", "avatars", "shape", "envelope"),
 }
 
 
@@ -27,7 +27,7 @@ class StationLayers:
             "populations": {"grains"},
             "style": set(),
             "latent": {"live"},
-            "export": {"avatars"},
+            "export": {"avatars", "shape", "envelope"},
         }
         self._covered: set[Layer] = set()
 

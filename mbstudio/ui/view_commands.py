@@ -38,6 +38,8 @@ _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
     ("live", "Live grain", "ph.hand", "The grain under the hand"),
     ("ghost_a", "Ghost of A", "ph.ghost", "Grain A, seen through"),
     ("ghost_b", "Ghost of B", "ph.ghost", "Grain B, seen through"),
+    ("shape", "Export", "ph.circles-four", "Spheres or mesh that stand for the avatar in the export"),
+    ("envelope", "Avatar over it", "ph.circle-half", "The avatar itself, seen through"),
 )
 
 

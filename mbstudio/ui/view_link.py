@@ -58,6 +58,7 @@ class ViewLink(QObject):
         self._layers = StationLayers()
         self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
+        self.preview: object = None  # what of an export is looked at, in place of the avatars
         self._tray = TrayCamera(self.scene)
         self.surfaces.factors_ready.connect(self.factors_ready)
         self.surfaces.taken.connect(self.arrange)
@@ -216,7 +217,8 @@ class ViewLink(QObject):
         """Show the layers of the station; where they are empty, what comes before them."""
         state, layers = self.workspace.state, self._layers.shown(self.station)
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
-        tray = self.shows_tray and self.scene.gallery.holds_something
+        previewing = self.station == "export" and self.preview is not None
+        tray = self.shows_tray and self.scene.gallery.holds_something and not previewing
         if self.station == "style" and not tray:
             layers = set(whole)
         elif self.station in ("grains", "populations") and state.grains is None:
@@ -228,6 +230,10 @@ class ViewLink(QObject):
         if "deviation" in layers and not self.scene.has_deviation:
             # Before it is built, while the search runs, and for a grain that has no avatar yet.
             layers |= {"avatar", "grain"}
+        if previewing:
+            layers = self._layers.shown("export") & {"shape", "envelope"}
+        elif self.station == "export":
+            layers -= {"shape", "envelope"}
         overview = self.station in ("grains", "populations") or (self.station == "style" and not tray)
         if overview and self.workspace.selected is not None and "grains" in layers:
             layers |= {"grain"}
@@ -237,7 +243,8 @@ class ViewLink(QObject):
         self.scene.show_gallery(tray)
         single = self.station == "fit" and self.workspace.selected is not None
         latent = self.station == "latent"
-        focus = (self.workspace.selected if single else None, latent, self.scene.points() is not None)
+        looked_at = self.preview if previewing else self.workspace.selected if single else None
+        focus = (looked_at, latent, self.scene.points() is not None)
         at_tray = self._tray.follow(tray, view is not None)
         if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.

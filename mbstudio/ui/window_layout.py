@@ -112,7 +112,7 @@ class WindowLayout(QMainWindow):
         self.panels_populations = PopulationPanel(self.workspace, self.populations)
         self.panels_style = StylePanel(self.workspace, self.styles, self.clones)
         self.panels_latent = LatentPanel(self.latents, self.icons)
-        self.panels_export = ExportPanel(self.workspace)
+        self.panels_export = ExportPanel(self.workspace, self.theme, self.icons)
         self.panels = {
             "scan": self.panels_scan,
             "grains": self.panels_grains,
