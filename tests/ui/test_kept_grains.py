@@ -184,8 +184,8 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
     export.selection.setCurrentIndex(export.selection.findData("kept"))
     export.target.setCurrentIndex(export.target.findData("liggghts"))
     export.folder.setText(str(tmp_path / "deck"))
-    for name, value in (("spheres", 8), ("poured", 4)):
-        export._option_fields[name].setValue(value)
+    export.options.clumps.number.setValue(8)
+    export.options.fields["poured"].setValue(4)
     assert export.export_button.text() == "Export 3 kept grains"
     QTest.mouseClick(export.export_button, LEFT)
     qtbot.waitUntil(lambda: (tmp_path / "deck" / "in.settle").exists(), timeout=PATIENCE)
