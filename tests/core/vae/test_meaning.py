@@ -36,11 +36,12 @@ def test_a_step_is_one_deviation_and_leaves_the_rest(meanings: Meanings, name: s
 
 def test_rougher_is_rougher_and_not_of_another_form(meanings: Meanings) -> None:
     """Boxes of eight points are as smooth as they can be at their form: only up."""
-    for here in meanings.learner.latents[:8]:
+    middle = np.argsort(np.abs(meanings.units(meanings.known)).max(axis=1))[:5]
+    for here in meanings.learner.latents[middle]:
         start, up = meanings.units(
             meanings.factors(np.stack([here, meanings.moved(here, {"roughness": 0.5})]))
         )
-        assert 0.05 < (up - start)[4] < 0.6
+        assert 0.25 < (up - start)[4] < 0.6
         assert np.abs((up - start)[:3]).max() < 0.15
 
 
