@@ -23,11 +23,6 @@ def style(tmp_path_factory):
     return learn(boxes(40, np.random.default_rng(1)), preset="pca").save(folder)
 
 
-@pytest.fixture(autouse=True)
-def few_samples(monkeypatch):
-    monkeypatch.setattr("mbstudio.core.vae.meaning._SAMPLES", 400)
-
-
 def test_a_morph_begins_and_ends_at_its_parents(mbstudio, style, tmp_path):
     ends = ("--interpolate", "box 3", "8")
     ran = mbstudio("latent", style, *ends, "--steps", 5, "-o", tmp_path / "a", "--json")

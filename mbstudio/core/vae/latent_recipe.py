@@ -180,10 +180,7 @@ def _reach(
     """Bring one meaning to a value, given in standard deviations about the parents' mean."""
     known = _required(meanings)
     name = given["meaning"]
-    if name not in MEANINGS:
-        raise StyleError(f"'{name}' is no meaning of the latent space: use {', '.join(MEANINGS)}.")
-    now = float(known.units(known.factors(here[None]))[0, MEANINGS.index(name)])
-    moved = known.moved(here, {name: float(given["to"]) - now}, corrections=_ON_THE_WAY)
+    moved = known.brought(here, {name: float(given["to"])}, corrections=_ON_THE_WAY)
     return _locked(learner, here, moved, given, None)
 
 
@@ -235,11 +232,9 @@ def _locked(
     moved = np.array(after)
     moved[components] = before[components]
     if names and meanings is not None:
-        units = meanings.units(meanings.factors(np.stack([before, moved])))
-        back = {
-            name: float(units[0, MEANINGS.index(name)] - units[1, MEANINGS.index(name)]) for name in names
-        }
-        moved = meanings.moved(moved, back, corrections=_CORRECTIONS)
+        units = meanings.units(meanings.factors(before[None]))[0]
+        back = {name: float(units[MEANINGS.index(name)]) for name in names}
+        moved = meanings.brought(moved, back, corrections=_CORRECTIONS)
         moved[components] = before[components]
     return moved
 
