@@ -325,8 +325,8 @@ class Scene:
         if surface is None or not len(surface.triangles):
             self._remove(layer)
         elif layer in self._actors:
-            # While a fit runs this happens ten times a second: only the mapper's input changes.
-            self._actors[layer].mapper.dataset = surface.poly_data()
+            # While a slider moves this happens thirty times a second: only the mesh's arrays change.
+            surface.fill(self._actors[layer].mapper.dataset)
         else:
             self._actors[layer] = self.plotter.add_mesh(
                 surface.poly_data(), color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,

@@ -17,7 +17,7 @@ from mbstudio.core.units import unit_label
 from mbstudio.core.vae import load_style_learner
 from mbstudio.core.vae.latent import aligned_to, interpolated
 from mbstudio.core.vae.latent_recipe import Operation
-from mbstudio.core.vae.live_grain import AT_REST, live_grain
+from mbstudio.core.vae.live_grain import AT_REST, MOVING, live_grain
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.scene.morph_animation import require_writer, write_morph
 from mbstudio.scene.surfaces import Surface
@@ -91,6 +91,7 @@ class LatentLink(QObject):
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
         self._dock.blend.stop()
+        self._window.viewport.is_draft = False
         grains = self._window.workspace.state.grains
         scan = self._window.workspace.scan
         if grains is not None or scan is not None:
@@ -152,6 +153,7 @@ class LatentLink(QObject):
         if grain is None or about is None:
             return
         latent_station = self._window.station == "latent"
+        self._window.viewport.is_draft = latent_station and grain.cells == MOVING
         self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
         self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held)
         if about.map is not None:

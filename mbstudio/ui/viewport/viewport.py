@@ -22,11 +22,14 @@ class Viewport(QWidget):
     plotter : pyvista.BasePlotter
     clicked : signal (float, float)
         A click that turned nothing, in pixels of the picture from its lower left corner.
+    is_draft : bool
+        Whether pictures may be plainer for a while because they have to follow a hand.
     """
 
     kind: ClassVar[str] = ""
     clicked = Signal(float, float)
     plotter: pv.BasePlotter
+    is_draft = False
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
