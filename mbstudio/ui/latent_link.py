@@ -155,7 +155,7 @@ class LatentLink(QObject):
         latent_station = self._window.station == "latent"
         self._window.viewport.is_draft = latent_station and grain.cells == MOVING
         self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
-        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held)
+        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
         if about.map is not None:
             self._dock.map.set_here(about.map.places(grain.latent[None])[0])
         if latent_station:
@@ -343,7 +343,10 @@ class LatentLink(QObject):
     def ask_animation(self) -> None:
         """Ask for a file and write the way from A to B to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save animation", str(Path.home() / "morph.gif"), "GIF (*.gif);;MP4 (*.mp4)"
+            self._window,
+            "Save animation",
+            str(Path.home() / "morph.gif"),
+            "GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)",
         )
         if name:
             chosen = Path(name)
@@ -365,7 +368,11 @@ class LatentLink(QObject):
         )  # fmt: skip
         task = Task("Writing the animation", lambda control: write(progress=control.progress))
         task.succeeded.connect(
-            lambda _: self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            lambda last: (
+                self._window.messages.say("success", f"Saved the way from A to B, up to {last}.")
+                if last != path
+                else self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            )
         )
         self._window.queue.submit(task)
 

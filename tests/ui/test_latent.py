@@ -113,9 +113,10 @@ def test_components_stand_by_their_effect_with_box_and_zero(shaping, rest, learn
     assert shown[0] == effects.max()
     work, k = window.latents, next(iter(window.panels_latent.components))
     slider = window.panels_latent.components[k]
-    slider.box.setValue(slider.box.maximum() / 2)
+    wanted = round(float(work.about.mean[k] + work.about.reach[k] / 2), 3)
+    slider.box.setValue(wanted)
     rest()
-    assert work.stance.latent[k] == pytest.approx(slider.box.maximum() / 2, abs=1e-9)
+    assert work.stance.latent[k] == pytest.approx(wanted, abs=1e-9)
     QTest.mouseDClick(slider.slider, Qt.MouseButton.LeftButton, pos=QPoint(20, slider.slider.height() // 2))
     rest()
     assert work.stance.latent[k] == pytest.approx(work.about.mean[k], abs=1e-9)

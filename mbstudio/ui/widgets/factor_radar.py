@@ -39,12 +39,17 @@ def standing(name: str, below: float) -> str:
     return f"{word} than {100 * share:.0f} %"
 
 
-def show_lights(light: QLabel, edge: QLabel, grain: LiveGrain | None, held: bool) -> None:
-    """Show whether a grain is valid, and whether it was held within the parents' range."""
+def show_lights(
+    light: QLabel, edge: QLabel, grain: LiveGrain | None, held: bool, beyond: bool = False
+) -> None:
+    """Show whether a grain is valid, and whether it was held within the parents' range or let beyond it."""
     edge.setVisible(held and grain is not None)
     set_badge(edge, "▲ At the edge of the parents", "amber")
     if grain is None:
         set_badge(light, "No grain", "quiet")
+    elif grain.is_sound and beyond:
+        set_badge(light, "● Far outside the parents", "bad")
+        light.setToolTip("One piece, no void, but nothing is known of such grains: look at its factors")
     elif grain.is_sound:
         set_badge(light, "● Valid", "good")
         light.setToolTip("One piece, no void")
@@ -144,10 +149,16 @@ class FactorPage(QWidget):
         layout.addStretch(0)
         self.show_grain(None, None, False)
 
-    def show_grain(self, grain: LiveGrain | None, shares: Float[np.ndarray, "5"] | None, held: bool) -> None:
+    def show_grain(
+        self,
+        grain: LiveGrain | None,
+        shares: Float[np.ndarray, "5"] | None,
+        held: bool,
+        beyond: bool = False,
+    ) -> None:
         """Show a grain's factors, their places among the parents', and whether it is valid."""
         self.radar.set_shares(shares)
-        show_lights(self.light, self.edge, grain, held)
+        show_lights(self.light, self.edge, grain, held, beyond)
         if grain is None or shares is None:
             return
         unit = unit_label(grain.avatar.unit)
