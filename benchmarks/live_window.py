@@ -192,6 +192,7 @@ def _rows(
         ("between two frames", f"median {np.median(apart):.0f} ms, longest {apart.max():.0f} ms"),
         ("event loop, timer of 5 ms", f"median {np.median(beats):.1f} ms, longest gap {beats.max():.0f} ms"),
         ("CPU of all threads", f"{spent / seconds:.2f} cores, {1e3 * spent / len(late):.0f} ms a frame"),
+        ("the median over how busy the machine was", f"{np.median(late) / np.mean(busy):.0f} ms"),
         ("rendering the resting grain alone", f"median {alone[0]:.1f} ms, {alone[1]:.1f} ms of CPU"),
         (
             "fixed job, wall over CPU, before and after",

@@ -70,8 +70,8 @@ class Scene:
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
         self._others: pv.Actor | None = None
-        # Not asked of the mapper: before the first rendering it may answer with an empty mesh.
-        self._overviews: dict[Layer, pv.PolyData] = {}
+        # Not asked of the mappers: before the first rendering they may answer with an empty mesh.
+        self._meshes: dict[Layer, pv.PolyData] = {}
         self._renderer: Any = plotter.renderer
         self.gallery = Gallery(self.plotter, theme)
         plotter.renderer.camera.SetParallelProjection(True)
@@ -326,10 +326,11 @@ class Scene:
             self._remove(layer)
         elif layer in self._actors:
             # While a slider moves this happens thirty times a second: only the mesh's arrays change.
-            surface.fill(self._actors[layer].mapper.dataset)
+            surface.fill(self._meshes[layer])
         else:
+            self._meshes[layer] = surface.poly_data()
             self._actors[layer] = self.plotter.add_mesh(
-                surface.poly_data(), color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
+                self._meshes[layer], color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
                 specular=0.15, specular_power=25, ambient=0.12, name=layer, pickable=layer != "points",
                 reset_camera=False, render=False, show_scalar_bar=False,
             )  # fmt: skip
@@ -349,7 +350,7 @@ class Scene:
         self._remove(layer)
         if surface is not None and len(surface.triangles):
             mesh = surface.poly_data()
-            self._overviews[layer] = mesh
+            self._meshes[layer] = mesh
             mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
             self._actors[layer] = self.plotter.add_mesh(
                 mesh, scalars="colour", rgb=True, smooth_shading=False, specular=0.1, specular_power=20,
@@ -363,7 +364,7 @@ class Scene:
     def _colour_labels(self, layer: Layer) -> None:
         if layer not in self._actors:
             return
-        surface = self._overviews[layer]
+        surface = self._meshes[layer]
         labels = surface.cell_data[LABEL_ARRAY]
         colours = label_colours(int(labels.max()))
         if self.chosen:
@@ -376,7 +377,7 @@ class Scene:
         surface.Modified()
 
     def _remove(self, layer: Layer) -> None:
-        self._overviews.pop(layer, None)
+        self._meshes.pop(layer, None)
         actor = self._actors.pop(layer, None)
         if actor is not None:
             self.plotter.remove_actor(actor, reset_camera=False, render=False)

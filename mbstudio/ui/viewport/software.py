@@ -53,7 +53,7 @@ class SoftwareViewport(Viewport):
         self.plotter.render()
         width, height = self._render_window.GetSize()
         pixels = vtkUnsignedCharArray()
-        # From the front, where edges are smooth; the plotter's own way there is a filter, three times as slow.
+        # From the front, where edges are smooth; the plotter's own way is a filter, three times as slow.
         self._render_window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
         rows = np.ascontiguousarray(vtk_to_numpy(pixels).reshape(height, width, 3)[::-1])
         image = QImage(rows.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
