@@ -62,6 +62,8 @@ class Scene:
         }  # fmt: skip
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
+        # Not asked of the mappers: before the first rendering they may answer with an empty mesh.
+        self._meshes: dict[Layer, pv.PolyData] = {}
         self._renderer: Any = plotter.renderer
         self._overviews = Overviews(self.plotter)
         self.gallery = Gallery(self.plotter, theme)
@@ -327,11 +329,12 @@ class Scene:
         if surface is None or not len(surface.triangles):
             self._remove(layer)
         elif layer in self._actors:
-            # While a fit runs this happens ten times a second: only the mapper's input changes.
-            self._actors[layer].mapper.dataset = surface.poly_data()
+            # While a slider moves this happens thirty times a second: only the mesh's arrays change.
+            surface.fill(self._meshes[layer])
         else:
+            self._meshes[layer] = surface.poly_data()
             self._actors[layer] = self.plotter.add_mesh(
-                surface.poly_data(), color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
+                self._meshes[layer], color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
                 specular=0.15, specular_power=25, ambient=0.12, name=layer, pickable=layer != "points",
                 reset_camera=False, render=False, show_scalar_bar=False,
             )  # fmt: skip
@@ -361,6 +364,7 @@ class Scene:
 
     def _remove(self, layer: Layer) -> None:
         self._overviews.forget(layer)
+        self._meshes.pop(layer, None)
         actor = self._actors.pop(layer, None)
         if actor is not None:
             self.plotter.remove_actor(actor, reset_camera=False, render=False)

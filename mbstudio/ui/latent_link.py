@@ -17,7 +17,7 @@ from mbstudio.core.units import unit_label
 from mbstudio.core.vae import load_style_learner
 from mbstudio.core.vae.latent import aligned_to, interpolated
 from mbstudio.core.vae.latent_recipe import Operation
-from mbstudio.core.vae.live_grain import AT_REST, live_grain
+from mbstudio.core.vae.live_grain import AT_REST, MOVING, live_grain
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.scene.morph_animation import require_writer, write_morph
 from mbstudio.scene.surfaces import Surface
@@ -91,6 +91,7 @@ class LatentLink(QObject):
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
         self._dock.blend.stop()
+        self._window.viewport.is_draft = False
         grains = self._window.workspace.state.grains
         scan = self._window.workspace.scan
         if grains is not None or scan is not None:
@@ -152,8 +153,9 @@ class LatentLink(QObject):
         if grain is None or about is None:
             return
         latent_station = self._window.station == "latent"
+        self._window.viewport.is_draft = latent_station and grain.cells == MOVING
         self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
-        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held)
+        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
         if about.map is not None:
             self._dock.map.set_here(about.map.places(grain.latent[None])[0])
         if latent_station:
@@ -341,7 +343,10 @@ class LatentLink(QObject):
     def ask_animation(self) -> None:
         """Ask for a file and write the way from A to B to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save animation", str(Path.home() / "morph.gif"), "GIF (*.gif);;MP4 (*.mp4)"
+            self._window,
+            "Save animation",
+            str(Path.home() / "morph.gif"),
+            "GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)",
         )
         if name:
             chosen = Path(name)
@@ -363,7 +368,11 @@ class LatentLink(QObject):
         )  # fmt: skip
         task = Task("Writing the animation", lambda control: write(progress=control.progress))
         task.succeeded.connect(
-            lambda _: self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            lambda last: (
+                self._window.messages.say("success", f"Saved the way from A to B, up to {last}.")
+                if last != path
+                else self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            )
         )
         self._window.queue.submit(task)
 

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.latent_commands import latent_commands
 from mbstudio.ui.population_commands import population_commands
 from mbstudio.ui.shell_commands import edit_commands, help_commands, log_commands, recovery_commands
 from mbstudio.ui.style_commands import style_commands
@@ -15,7 +16,7 @@ from mbstudio.ui.view_commands import view_commands
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "View", "Help")
+MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "Latent", "View", "Help")
 
 
 def window_commands(window: MainWindow) -> list[Command]:
@@ -29,6 +30,7 @@ def window_commands(window: MainWindow) -> list[Command]:
         *_fit(window),
         *population_commands(window),
         *style_commands(window),
+        *latent_commands(window),
         *view_commands(window),
         *tool_commands(window),
         *log_commands(window),

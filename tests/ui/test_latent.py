@@ -113,9 +113,10 @@ def test_components_stand_by_their_effect_with_box_and_zero(shaping, rest, learn
     assert shown[0] == effects.max()
     work, k = window.latents, next(iter(window.panels_latent.components))
     slider = window.panels_latent.components[k]
-    slider.box.setValue(slider.box.maximum() / 2)
+    wanted = round(float(work.about.mean[k] + work.about.reach[k] / 2), 3)
+    slider.box.setValue(wanted)
     rest()
-    assert work.stance.latent[k] == pytest.approx(slider.box.maximum() / 2, abs=1e-9)
+    assert work.stance.latent[k] == pytest.approx(wanted, abs=1e-9)
     QTest.mouseDClick(slider.slider, Qt.MouseButton.LeftButton, pos=QPoint(20, slider.slider.height() // 2))
     rest()
     assert work.stance.latent[k] == pytest.approx(work.about.mean[k], abs=1e-9)
@@ -320,6 +321,52 @@ def test_the_last_wish_wins_and_none_queues_up(qtbot):
     qtbot.waitUntil(lambda: bool(failed))
     assert "invalid literal" in failed[0]
     assert latest.close()
+
+
+def test_the_next_wish_is_begun_when_the_last_result_was_taken(qtbot):
+    """What nobody has time to show would be made in vain, and older than what is wished by then."""
+    latest, begun, made = LatestOnly("test"), [], threading.Event()
+
+    def work(number):
+        begun.append(number)
+        made.set()
+        return number
+
+    latest.ask(lambda: work(0))
+    assert made.wait(10)
+    for number in range(1, 9):  # the main thread is busy and takes nothing
+        latest.ask(lambda number=number: work(number))
+        threading.Event().wait(0.01)
+    assert begun == [0]
+    qtbot.waitUntil(lambda: latest.is_idle)
+    assert begun == [0, 8]
+    assert latest.close()
+
+
+def test_pictures_are_plain_under_the_hand_and_smooth_at_rest(shaping, rest):
+    viewport = shaping.viewport
+    viewport.render_now()
+    smooth, samples = viewport.picture(), viewport.plotter.render_window.GetMultiSamples()
+    slider = shaping.panels_latent.meanings["csf"].slider
+    plain = []
+    shaping.latents.grain_changed.connect(lambda: plain.append(viewport.is_draft))
+    drag(slider, 0.5, 0.4)
+    rest()
+    assert plain[0]
+    assert not plain[-1]
+    assert not viewport.is_draft
+    viewport.render_now()
+    assert viewport.plotter.render_window.GetMultiSamples() == samples
+    shaping.commands.run("edit.undo")
+    rest()
+    assert changed(smooth, viewport.picture()) == 0.0
+    # The view is turned with plain pictures, too.
+    QTest.mousePress(viewport, Qt.MouseButton.LeftButton, pos=QPoint(100, 100))
+    QTest.mouseMove(viewport, QPoint(140, 100))
+    if viewport.kind == "software":
+        assert viewport.is_draft
+    QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(140, 100))
+    assert not viewport.is_draft
 
 
 def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tmp_path):

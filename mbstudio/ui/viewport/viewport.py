@@ -44,6 +44,8 @@ class Viewport(QWidget):
         The camera begins to be turned by hand, or is let go.
     grips : list of Grip
         What can be dragged instead of turning the camera, the first one goes first.
+    is_draft : bool
+        Whether pictures may be plainer for a while because they have to follow a hand.
     """
 
     kind: ClassVar[str] = ""
@@ -51,6 +53,7 @@ class Viewport(QWidget):
     hovered = Signal(float, float)
     moving = Signal(bool)
     plotter: pv.BasePlotter
+    is_draft = False
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
