@@ -68,6 +68,7 @@ class ViewLink(QObject):
         fits.avatar_moved.connect(self._avatar_moved)
         theme.changed.connect(self._theme_changed)
         viewport.clicked.connect(self._clicked)
+        viewport.scaled.connect(self.scene.set_pixel_ratio)
 
     # ---- what the window asks ------------------------------------------------------------------
 

@@ -5,13 +5,24 @@ It serves tests, remote desktops and machines whose graphics driver fails.
 
 from __future__ import annotations
 
+import math
+import time
+from typing import Any
+
 import numpy as np
 import pyvista as pv
-from PySide6.QtCore import QPointF, Qt
+from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QImage, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from mbstudio.ui.viewport.viewport import Viewport
+
+BUDGET = 0.03  # seconds that a picture may take while things move
+CALM = 200  # milliseconds without a change after which the picture is drawn sharp
+COARSEST = 0.25  # of the width and height, however slow
+SMOOTH = 4  # samples a pixel of a picture at rest
 
 
 class SoftwareViewport(Viewport):
@@ -19,6 +30,9 @@ class SoftwareViewport(Viewport):
 
     Left button turns, middle button or Shift and left moves, right button or wheel zooms: the
     same as in the other implementation.
+
+    The processor draws every pixel in the main thread. What moves is drawn with rough edges, and with fewer
+    pixels where it would take longer than the event loop may pause; at rest it is drawn sharp.
     """
 
     kind = "software"
@@ -34,27 +48,72 @@ class SoftwareViewport(Viewport):
         self._last: QPointF | None = None
         self._begun = False
         self._closed = False
+        self._per_pixel = 0.0  # seconds, of the last pictures
+        self._sharpen_soon = QTimer(self)
+        self._sharpen_soon.setSingleShot(True)
+        self._sharpen_soon.setInterval(CALM)
+        self._sharpen_soon.timeout.connect(self.render_now)
+        self._render_soon.timeout.disconnect()
+        self._render_soon.timeout.connect(self._render_quickly)
 
     def render_now(self) -> None:
+        """Render at once and sharp."""
+        self._sharpen_soon.stop()
+        self._render(1.0, SMOOTH)
+
+    @property
+    def is_sharp(self) -> bool:
+        """Whether the picture has all its pixels and smooth edges."""
+        return not self._sharpen_soon.isActive()
+
+    def coarseness(self) -> float:
+        """Return by what width and height of the next picture are multiplied to draw it in time."""
+        width, height = self._pixels()
+        expected = self._per_pixel * width * height
+        return 1.0 if expected <= BUDGET else max(COARSEST, math.sqrt(BUDGET / expected))
+
+    def _render_quickly(self) -> None:
+        begun, scale = time.perf_counter(), self.coarseness()
+        self._render(scale, 0)
+        width, height = self._pixels()
+        spent = (time.perf_counter() - begun) / (scale * width * scale * height)
+        self._per_pixel = spent if not self._per_pixel else 0.5 * (self._per_pixel + spent)
+        self._sharpen_soon.start()
+
+    def _render(self, scale: float, samples: int) -> None:
         if self._closed:
             return
-        size = self._pixels()
-        if tuple(self.plotter.window_size) != size:
-            self.plotter.window_size = size
+        whole, ratio = self._pixels(), self.devicePixelRatioF()
+        width, height = (max(16, round(side * scale)) for side in whole)
+        # Straight to VTK: pyvista draws everything again whenever its size is set.
+        window = self._window
+        window.SetMultiSamples(samples)
+        window.SetSize(width, height)
+        self.scaled.emit(ratio * scale)
         if not self._begun:
             self._begun = True
             self.plotter.show(auto_close=False, interactive=False)
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
-        pixels = np.ascontiguousarray(np.asarray(self.plotter.image)[..., :3])
-        height, width, _ = pixels.shape
+        data = vtkUnsignedCharArray()
+        window.GetPixelData(0, 0, width - 1, height - 1, 0, data, 0)
+        pixels = np.ascontiguousarray(vtk_to_numpy(data).reshape(height, width, 3)[::-1])
         image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
-        image.setDevicePixelRatio(self.devicePixelRatioF())
+        image.setDevicePixelRatio(ratio)
         self._image = image
+        if (width, height) != whole:
+            # Who asks where a point stands in the picture means the whole one.
+            window.SetSize(*whole)
+            self.scaled.emit(ratio)
         self.update()
+
+    @property
+    def _window(self) -> Any:
+        return self.plotter.render_window
 
     def close_viewport(self) -> None:
         super().close_viewport()
+        self._sharpen_soon.stop()
         self._closed = True
         self.plotter.close()
 
@@ -69,6 +128,7 @@ class SoftwareViewport(Viewport):
         if self._image is None:
             painter.fillRect(self.rect(), self.palette().window())
         else:
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
             painter.drawImage(self.rect(), self._image)
         painter.end()
 
@@ -76,7 +136,7 @@ class SoftwareViewport(Viewport):
         super().resizeEvent(event)
         if not self._closed:
             # At once: fitting the view asks the renderer for its size.
-            self.plotter.window_size = self._pixels()
+            self._window.SetSize(*self._pixels())
             self.request_render()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:

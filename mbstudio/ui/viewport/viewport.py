@@ -42,6 +42,8 @@ class Viewport(QWidget):
         The mouse is there, and no button is held.
     moving : signal (bool)
         The camera begins to be turned by hand, or is let go.
+    scaled : signal (float)
+        So many pixels of the picture are now one of the screen's units: for the size of text and lines.
     grips : list of Grip
         What can be dragged instead of turning the camera, the first one goes first.
     """
@@ -50,6 +52,7 @@ class Viewport(QWidget):
     clicked = Signal(float, float)
     hovered = Signal(float, float)
     moving = Signal(bool)
+    scaled = Signal(float)
     plotter: pv.BasePlotter
 
     def __init__(self, parent: QWidget | None = None) -> None:
