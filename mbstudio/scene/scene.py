@@ -24,6 +24,7 @@ from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
 from mbstudio.scene.measurements import Measurements
 from mbstudio.scene.overviews import Overviews
 from mbstudio.scene.picking import label_under, point_under, sight
+from mbstudio.scene.side_by_side import SideBySide
 from mbstudio.scene.slices import SlicePlanes, scan_box
 from mbstudio.scene.surfaces import Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme
@@ -73,6 +74,7 @@ class Scene:
         self._deviation = DeviationMap(self.plotter, theme.ink)
         self.measurements = Measurements(self._renderer, theme, unit)
         self.clip = ClipBox(self.plotter, theme)
+        self.columns = SideBySide(self.plotter, theme, unit)
         self.plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
         self.set_theme(theme)
 
@@ -221,6 +223,7 @@ class Scene:
         self._deviation.scale.recolour(theme.ink)
         self.measurements.recolour(theme)
         self.clip.recolour(theme)
+        self.columns.recolour(theme)
         if self._box is not None:
             self._box.prop.color = theme.ink
         if self.slices is not None:
@@ -250,7 +253,7 @@ class Scene:
 
     def set_pixel_ratio(self, ratio: float) -> None:
         """Tell how many pixels of the picture one of the screen's units is, for text and lines."""
-        for part in (self._bar, self._deviation.scale, self.measurements, self.clip):
+        for part in (self._bar, self._deviation.scale, self.measurements, self.clip, self.columns):
             part.pixel_ratio = ratio
 
     # ---- camera -------------------------------------------------------------------------
@@ -258,7 +261,9 @@ class Scene:
     def fit(self) -> None:
         """Bring all that is shown into the picture, without turning."""
         points = self.points()
-        if points is not None:
+        if self.columns.is_on:
+            self.columns.fit()
+        elif points is not None:
             camera.fit(self._renderer, points)
 
     def fit_if_cut(self) -> None:
@@ -370,6 +375,7 @@ class Scene:
 
     def close(self) -> None:
         """Let go of the plotter's objects; the plotter itself is closed by its owner."""
+        self.columns.remove()
         self.clear()
         self._bar.remove()
         self._deviation.scale.remove()

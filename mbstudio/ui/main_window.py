@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QLabel
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.compare_link import CompareLink
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.latent_link import LatentLink
@@ -91,6 +92,7 @@ class MainWindow(WindowLayout):
         self.shaping = LatentLink(self)
         self.slicing = SliceLink(self)
         self.tools = ViewTools(self)
+        self.comparing = CompareLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()

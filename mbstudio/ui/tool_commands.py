@@ -10,13 +10,33 @@ from mbstudio.ui.commands import Command
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-TOOLS = ("view.measure_distance", "view.measure_angle", "view.measure_clear", "view.clip", "view.clip_reset")
+TOOLS = (
+    "view.measure_distance",
+    "view.measure_angle",
+    "view.measure_clear",
+    "view.clip",
+    "view.clip_reset",
+    "view.side_by_side",
+)
 """What the button Tools above the view offers."""
 
 
 def tool_commands(window: MainWindow) -> list[Command]:
     """Return the commands of the tools."""
-    return [*_measuring(window), *_clipping(window)]
+    comparing = window.comparing
+    side_by_side = Command(
+        "view.side_by_side",
+        "Side by side: grain, avatar, clone",
+        comparing.show,
+        "View",
+        "Ctrl+Alt+S",
+        "ph.columns",
+        "Show grain, avatar and clone next to each other, turned together",
+        lambda: comparing.is_offered,
+        lambda: comparing.is_shown,
+        separated=True,
+    )
+    return [*_measuring(window), *_clipping(window), side_by_side]
 
 
 def _measuring(window: MainWindow) -> list[Command]:
