@@ -17,7 +17,8 @@ from mbstudio.core.vae import load_style_learner
 from mbstudio.core.vae.latent import aligned_to, interpolated
 from mbstudio.core.vae.latent_recipe import Operation
 from mbstudio.core.vae.live_grain import AT_REST, live_grain
-from mbstudio.scene.morph_animation import require_writer, write_morph
+from mbstudio.scene.animation import require_writer
+from mbstudio.scene.morph_animation import write_morph
 from mbstudio.scene.surfaces import Surface
 from mbstudio.ui.latent_pictures import LatentPictures
 from mbstudio.ui.widgets.blend_page import LETTERS, STRIP

@@ -15,6 +15,7 @@ from mbstudio.ui.compare_link import CompareLink
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.latent_link import LatentLink
+from mbstudio.ui.picture_link import PictureLink
 from mbstudio.ui.population_link import PopulationLink
 from mbstudio.ui.slice_link import SliceLink
 from mbstudio.ui.station_layers import STATION_LAYERS
@@ -93,6 +94,7 @@ class MainWindow(WindowLayout):
         self.slicing = SliceLink(self)
         self.tools = ViewTools(self)
         self.comparing = CompareLink(self)
+        self.pictures = PictureLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()

@@ -17,6 +17,8 @@ TOOLS = (
     "view.clip",
     "view.clip_reset",
     "view.side_by_side",
+    "view.copy_picture",
+    "view.turntable",
 )
 """What the button Tools above the view offers."""
 
@@ -36,7 +38,7 @@ def tool_commands(window: MainWindow) -> list[Command]:
         lambda: comparing.is_shown,
         separated=True,
     )
-    return [*_measuring(window), *_clipping(window), side_by_side]
+    return [*_measuring(window), *_clipping(window), side_by_side, *_pictures(window)]
 
 
 def _measuring(window: MainWindow) -> list[Command]:
@@ -103,5 +105,47 @@ def _clipping(window: MainWindow) -> list[Command]:
             "ph.arrows-out",
             "Put its faces back to the ends of what is shown",
             lambda: tools.is_clipping,
+        ),
+    ]
+
+
+def _pictures(window: MainWindow) -> list[Command]:
+    pictures = window.pictures
+    return [
+        Command(
+            "view.copy_picture",
+            "Copy picture of the view",
+            pictures.copy,
+            "View",
+            "Ctrl+Alt+P",
+            "ph.copy",
+            "Put the 3-D view into the clipboard",
+            lambda: window.has_view,
+            separated=True,
+        ),
+        Command(
+            "view.turntable",
+            "Save turntable…",
+            window.files.ask_turntable,
+            "View",
+            "",
+            "ph.film-strip",
+            "Write the view turning once around: GIF, MP4 or a PNG for each frame",
+            lambda: window.has_view and not pictures.is_turning,
+        ),
+        *(
+            Command(
+                f"view.picture_{scale}",
+                f"Pictures: {words}",
+                partial(pictures.use_scale, scale),
+                "View",
+                "",
+                "",
+                f"Save, copy and turn the view with {scale} × {scale} pixels for each of the screen's"
+                if scale > 1
+                else "Save, copy and turn the view with as many pixels as the screen shows",
+                checked=partial(pictures.has_scale, scale),
+            )
+            for scale, words in ((1, "as on the screen"), (2, "twice as fine"), (4, "four times as fine"))
         ),
     ]

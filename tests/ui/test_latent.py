@@ -20,7 +20,7 @@ from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.core.vae.training import learn
 from mbstudio.scene import camera
-from mbstudio.scene.morph_animation import AnimationError, require_writer
+from mbstudio.scene.animation import AnimationError, require_writer
 from mbstudio.ui.latest import LatestOnly
 from mbstudio.ui.widgets.blend_page import STRIP
 from mbstudio.ui.widgets.factor_radar import standing

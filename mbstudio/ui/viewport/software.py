@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+from jaxtyping import UInt8
 from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QImage, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
@@ -80,9 +81,22 @@ class SoftwareViewport(Viewport):
         self._per_pixel = spent if not self._per_pixel else 0.5 * (self._per_pixel + spent)
         self._sharpen_soon.start()
 
+    def picture(self, scale: int = 1) -> UInt8[np.ndarray, "h w 3"]:
+        self.render_now()
+        return self._drawn(float(scale), SMOOTH)
+
     def _render(self, scale: float, samples: int) -> None:
         if self._closed:
             return
+        pixels = self._drawn(scale, samples)
+        height, width, _ = pixels.shape
+        image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+        image.setDevicePixelRatio(self.devicePixelRatioF())
+        self._image = image
+        self.update()
+
+    def _drawn(self, scale: float, samples: int) -> UInt8[np.ndarray, "h w 3"]:
+        """Return the view with its sides multiplied, and so many samples a pixel."""
         whole, ratio = self._pixels(), self.devicePixelRatioF()
         width, height = (max(16, round(side * scale)) for side in whole)
         # Straight to VTK: pyvista draws everything again whenever its size is set.
@@ -98,14 +112,11 @@ class SoftwareViewport(Viewport):
         data = vtkUnsignedCharArray()
         window.GetPixelData(0, 0, width - 1, height - 1, 0, data, 0)
         pixels = np.ascontiguousarray(vtk_to_numpy(data).reshape(height, width, 3)[::-1])
-        image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
-        image.setDevicePixelRatio(ratio)
-        self._image = image
         if (width, height) != whole:
             # Who asks where a point stands in the picture means the whole one.
             window.SetSize(*whole)
             self.scaled.emit(ratio)
-        self.update()
+        return pixels
 
     @property
     def _window(self) -> Any:

@@ -76,10 +76,10 @@ class Viewport(QWidget):
         """Render at once."""
         raise NotImplementedError
 
-    def picture(self) -> UInt8[np.ndarray, "h w 3"]:
-        """Render and return what is seen."""
+    def picture(self, scale: int = 1) -> UInt8[np.ndarray, "h w 3"]:
+        """Render and return what is seen, with `scale` times the view's pixels along each side."""
         self.render_now()
-        return np.asarray(self.plotter.screenshot(return_img=True))[..., :3]
+        return np.asarray(self.plotter.screenshot(return_img=True, scale=scale))[..., :3]
 
     def close_viewport(self) -> None:
         """Free the graphics; the widget is of no use afterwards."""
