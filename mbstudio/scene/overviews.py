@@ -73,3 +73,19 @@ class Overviews:
             scalars=None,
         )  # fmt: skip
         self.others.prop.interpolation = "Phong"
+
+
+def single_surface(plotter: Any, layer: Layer, surface: Surface, colour: str, opacity: float) -> pv.Actor:
+    """Add the surface of one body in one colour.
+
+    Depth peeling loses see-through surfaces on OSMesa: they are blended, without their back faces.
+    """
+    actor = plotter.add_mesh(
+        surface.poly_data(), color=colour, smooth_shading=False, specular=0.15, specular_power=25,
+        ambient=0.12, name=layer, pickable=layer != "points", reset_camera=False, render=False,
+        show_scalar_bar=False,
+    )  # fmt: skip
+    actor.prop.interpolation = "Phong"
+    actor.prop.opacity = opacity
+    actor.prop.culling = "back"
+    return actor

@@ -22,13 +22,13 @@ from mbstudio.scene.deviation_map import DeviationMap, DeviationSurface
 from mbstudio.scene.gallery import Gallery
 from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
 from mbstudio.scene.measurements import Measurements
-from mbstudio.scene.overviews import Overviews
+from mbstudio.scene.overviews import Overviews, single_surface
 from mbstudio.scene.picking import label_under, point_under, sight
 from mbstudio.scene.side_by_side import SideBySide
 from mbstudio.scene.slices import SlicePlanes, scan_box
 from mbstudio.scene.surfaces import Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme
-from mbstudio.scene.volume import VolumeVoxels, add_volume
+from mbstudio.scene.volume import VolumeCloud, VolumeVoxels
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
@@ -57,12 +57,14 @@ class Scene:
         self.selected: int | None = None
         self.chosen: frozenset[int] = frozenset()
         self._scan: Scan | None = None
-        self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
+        self._actors: dict[Layer, pv.Actor] = {}
         self._opacity: dict[Layer, float] = {
             "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22
         }  # fmt: skip
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
+        self._cloud: VolumeCloud | None = None
+        self._moving = False
         self._renderer: Any = plotter.renderer
         self._overviews = Overviews(self.plotter)
         self.gallery = Gallery(self.plotter, theme)
@@ -85,7 +87,7 @@ class Scene:
         if self.slices is not None:
             self.slices.remove()
         self._scan, self.slices = scan, None
-        self._remove("volume")
+        self._remove_volume()
         if self._box is not None:
             self.plotter.remove_actor(self._box, reset_camera=False, render=False)
             self._box = None
@@ -99,14 +101,31 @@ class Scene:
 
     def set_volume(self, voxels: VolumeVoxels | None) -> None:
         """Show a scan's voxels (:func:`~mbstudio.scene.volume.volume_voxels`) as a cloud."""
-        self._remove("volume")
+        self._remove_volume()
         if voxels is not None and self.slices is not None:
-            self._actors["volume"] = add_volume(self.plotter, voxels, self.slices.window, "volume")
+            self._cloud = VolumeCloud(self.plotter, voxels, self.slices.window)
         self._apply_visibility()
+
+    def set_window(self, low: float, high: float) -> None:
+        """Show grey value `low` of the scan black and `high` white, in slices and volume."""
+        if self.slices is not None:
+            self.slices.set_window(low, high)
+        if self._cloud is not None:
+            self._cloud.set_window(low, high)
+
+    def set_moving(self, moving: bool) -> None:
+        """Tell that the camera is being turned by hand: the volume is drawn by fewer voxels."""
+        self._moving = moving
+        self._apply_visibility()
+
+    def _remove_volume(self) -> None:
+        if self._cloud is not None:
+            self._cloud.remove()
+            self._cloud = None
 
     @property
     def has_volume(self) -> bool:
-        return "volume" in self._actors
+        return self._cloud is not None
 
     def set_grains(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show all grains as one surface (:func:`~mbstudio.scene.surfaces.label_surface`)."""
@@ -324,16 +343,9 @@ class Scene:
             # While a fit runs this happens ten times a second: only the mapper's input changes.
             self._actors[layer].mapper.dataset = surface.poly_data()
         else:
-            self._actors[layer] = self.plotter.add_mesh(
-                surface.poly_data(), color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
-                specular=0.15, specular_power=25, ambient=0.12, name=layer, pickable=layer != "points",
-                reset_camera=False, render=False, show_scalar_bar=False,
-            )  # fmt: skip
-            self._actors[layer].prop.interpolation = "Phong"
-            self._actors[layer].prop.opacity = self.opacity(layer)
-            # Depth peeling loses see-through surfaces on OSMesa. Without back faces and with the
-            # grain drawn after the avatar inside it, plain blending is right.
-            self._actors[layer].prop.culling = "back"
+            colour = getattr(self.theme, COLOURS[layer])
+            self._actors[layer] = single_surface(self.plotter, layer, surface, colour, self.opacity(layer))
+            # With the grain drawn after the avatar inside it plain blending is right.
             for other in SEE_THROUGH:
                 if layer not in SEE_THROUGH and other in self._actors:
                     self._renderer.RemoveActor(self._actors[other])
@@ -351,7 +363,8 @@ class Scene:
     def _cuttable(self) -> list[Any]:
         """Return the actors of all surfaces and of the volume."""
         more = (self._overviews.others, self.gallery.actor)
-        return [*self._actors.values(), *(actor for actor in more if actor is not None)]
+        clouds = () if self._cloud is None else (self._cloud.actor, self._cloud.coarse)
+        return [*clouds, *self._actors.values(), *(actor for actor in more if actor is not None)]
 
     def _remove(self, layer: Layer) -> None:
         self._overviews.forget(layer)
@@ -363,6 +376,8 @@ class Scene:
     def _apply_visibility(self) -> None:
         if self.slices is not None:
             self.slices.set_visible(self._visible["slices"])
+        if self._cloud is not None:
+            self._cloud.set_visible(self._visible["volume"], self._moving)
         for layer, actor in self._actors.items():
             actor.SetVisibility(self._visible[layer] and self.opacity(layer) > 0.001)
         if self._overviews.others is not None:
