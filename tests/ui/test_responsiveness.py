@@ -73,3 +73,23 @@ def test_hundreds_of_bodies_are_drawn_in_time_after_the_first_pictures(window, i
     scale = viewport.coarseness()
     expected = viewport._per_pixel * scale * width * scale * height
     assert expected <= BUDGET * 1.0001 or scale == COARSEST
+
+
+def test_the_clustering_is_shown_sphere_by_sphere(with_grains, idle):
+    window = with_grains
+    window.workspace.select(1)
+    window.enter("fit")
+    window.panels_fit.n.setValue(12)
+    idle()
+    window.fits.shows_spheres = True
+    shown = []
+    # Each control point is drawn as a ball of the same number of triangles.
+    window.fits.avatar_moved.connect(lambda _, live: shown.append(len(live.points.triangles)))
+    assert window.commands.run("fit.grain")
+    idle()
+    ball = min(shown)
+    counts = [triangles // ball for triangles in shown]
+    growing = counts[: counts.index(max(counts)) + 1]
+    assert growing == sorted(growing)
+    # Without waiting for the eye all are there in the first or second picture.
+    assert len(set(growing)) >= 5, counts
