@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
 import pyvista as pv
+from jaxtyping import Float
 
 from mbstudio.scene.layers import Layer
 from mbstudio.scene.surfaces import LABEL_ARRAY, Surface
@@ -73,3 +74,32 @@ class Overviews:
             scalars=None,
         )  # fmt: skip
         self.others.prop.interpolation = "Phong"
+
+
+def single_surface(plotter: Any, layer: Layer, mesh: pv.PolyData, colour: str, opacity: float) -> pv.Actor:
+    """Add the surface of one body in one colour.
+
+    Depth peeling loses see-through surfaces on OSMesa: they are blended, without their back faces.
+    """
+    actor = plotter.add_mesh(
+        mesh, color=colour, smooth_shading=False, specular=0.15, specular_power=25,
+        ambient=0.12, name=layer, pickable=layer != "points", reset_camera=False, render=False,
+        show_scalar_bar=False,
+    )  # fmt: skip
+    actor.prop.interpolation = "Phong"
+    actor.prop.opacity = opacity
+    actor.prop.culling = "back"
+    return actor
+
+
+def draw_last(renderer: Any, actors: Iterable[pv.Actor]) -> None:
+    """Let these surfaces be drawn after all others."""
+    for actor in actors:
+        renderer.RemoveActor(actor)
+        renderer.AddActor(actor)
+
+
+def some_points(actor: Any) -> Float[np.ndarray, "m 3"]:
+    """Return points of a surface that span it, 20,000 or a few more at most."""
+    points = np.asarray(actor.mapper.dataset.points)
+    return points[:: max(1, len(points) // 20_000)]

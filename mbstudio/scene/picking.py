@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,23 @@ def sight(renderer: Any, x: float, y: float) -> tuple[Float[np.ndarray, "3"], Fl
         ends.append(point[:3] / point[3])
     along = ends[1] - ends[0]
     return ends[0], along / (np.linalg.norm(along) or 1.0)
+
+
+def foremost_point(
+    renderer: Any,
+    surfaces: Iterable[Any],
+    on_slice: Callable[[Float[np.ndarray, "3"], Float[np.ndarray, "3"]], Float[np.ndarray, "3"] | None]
+    | None,
+    x: float,
+    y: float,
+) -> Float[np.ndarray, "3"] | None:
+    """Return the point nearest to the eye of surfaces and slices under a pixel, or None."""
+    start, along = sight(renderer, x, y)
+    found = [point_under(renderer, surfaces, x, y)]
+    if on_slice is not None:
+        found.append(on_slice(start, along))
+    there = [point for point in found if point is not None]
+    return min(there, key=lambda point: float((point - start) @ along)) if there else None
 
 
 def to_display(renderer: Any, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 2"]:

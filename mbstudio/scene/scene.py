@@ -22,12 +22,13 @@ from mbstudio.scene.deviation_map import DeviationMap, DeviationSurface
 from mbstudio.scene.gallery import Gallery
 from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
 from mbstudio.scene.measurements import Measurements
-from mbstudio.scene.overviews import Overviews
-from mbstudio.scene.picking import label_under, point_under, sight
+from mbstudio.scene.overviews import Overviews, draw_last, single_surface, some_points
+from mbstudio.scene.picking import foremost_point, label_under
+from mbstudio.scene.side_by_side import SideBySide
 from mbstudio.scene.slices import SlicePlanes, scan_box
 from mbstudio.scene.surfaces import Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme
-from mbstudio.scene.volume import VolumeVoxels, add_volume
+from mbstudio.scene.volume import VolumeCloud, VolumeVoxels
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
@@ -55,8 +56,7 @@ class Scene:
         self.slices: SlicePlanes | None = None
         self.selected: int | None = None
         self.chosen: frozenset[int] = frozenset()
-        self._scan: Scan | None = None
-        self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
+        self._actors: dict[Layer, pv.Actor] = {}
         self._opacity: dict[Layer, float] = {
             "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22, "envelope": 0.4
         }  # fmt: skip
@@ -64,6 +64,8 @@ class Scene:
         self._box: pv.Actor | None = None
         # Not asked of the mappers: before the first rendering they may answer with an empty mesh.
         self._meshes: dict[Layer, pv.PolyData] = {}
+        self._cloud: VolumeCloud | None = None
+        self._moving = False
         self._renderer: Any = plotter.renderer
         self._overviews = Overviews(self.plotter)
         self.gallery = Gallery(self.plotter, theme)
@@ -75,6 +77,7 @@ class Scene:
         self._deviation = DeviationMap(self.plotter, theme.ink)
         self.measurements = Measurements(self._renderer, theme, unit)
         self.clip = ClipBox(self.plotter, theme)
+        self.columns = SideBySide(self.plotter, theme, unit)
         self.plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
         self.set_theme(theme)
 
@@ -84,8 +87,8 @@ class Scene:
         """Show a scan by three slices, or take the present one away."""
         if self.slices is not None:
             self.slices.remove()
-        self._scan, self.slices = scan, None
-        self._remove("volume")
+        self.slices = None
+        self._remove_volume()
         if self._box is not None:
             self.plotter.remove_actor(self._box, reset_camera=False, render=False)
             self._box = None
@@ -99,14 +102,31 @@ class Scene:
 
     def set_volume(self, voxels: VolumeVoxels | None) -> None:
         """Show a scan's voxels (:func:`~mbstudio.scene.volume.volume_voxels`) as a cloud."""
-        self._remove("volume")
+        self._remove_volume()
         if voxels is not None and self.slices is not None:
-            self._actors["volume"] = add_volume(self.plotter, voxels, self.slices.window, "volume")
+            self._cloud = VolumeCloud(self.plotter, voxels, self.slices.window)
         self._apply_visibility()
+
+    def set_window(self, low: float, high: float) -> None:
+        """Show grey value `low` of the scan black and `high` white, in slices and volume."""
+        if self.slices is not None:
+            self.slices.set_window(low, high)
+        if self._cloud is not None:
+            self._cloud.set_window(low, high)
+
+    def set_moving(self, moving: bool) -> None:
+        """Tell that the camera is being turned by hand: the volume is drawn by fewer voxels."""
+        self._moving = moving
+        self._apply_visibility()
+
+    def _remove_volume(self) -> None:
+        if self._cloud is not None:
+            self._cloud.remove()
+            self._cloud = None
 
     @property
     def has_volume(self) -> bool:
-        return "volume" in self._actors
+        return self._cloud is not None
 
     def set_grains(self, surface: Surface | None, unit: str | None = None) -> None:
         """Show all grains as one surface (:func:`~mbstudio.scene.surfaces.label_surface`)."""
@@ -157,8 +177,8 @@ class Scene:
     def set_edges(self, shown: bool) -> None:
         """Draw the edges of the export's triangles."""
         if "shape" in self._actors:
-            self._actors["shape"].prop.show_edges = shown
-            self._actors["shape"].prop.edge_color = self.theme.ink
+            prop = self._actors["shape"].prop
+            prop.show_edges, prop.edge_color = shown, self.theme.ink
 
     def set_unit(self, unit: str | None) -> None:
         """Take another unit of the coordinates, for the scale bar; None leaves it."""
@@ -234,6 +254,7 @@ class Scene:
         self._deviation.scale.recolour(theme.ink)
         self.measurements.recolour(theme)
         self.clip.recolour(theme)
+        self.columns.recolour(theme)
         if self._box is not None:
             self._box.prop.color = theme.ink
         if self.slices is not None:
@@ -263,7 +284,7 @@ class Scene:
 
     def set_pixel_ratio(self, ratio: float) -> None:
         """Tell how many pixels of the picture one of the screen's units is, for text and lines."""
-        for part in (self._bar, self._deviation.scale, self.measurements, self.clip):
+        for part in (self._bar, self._deviation.scale, self.measurements, self.clip, self.columns):
             part.pixel_ratio = ratio
 
     # ---- camera -------------------------------------------------------------------------
@@ -271,7 +292,9 @@ class Scene:
     def fit(self) -> None:
         """Bring all that is shown into the picture, without turning."""
         points = self.points()
-        if points is not None:
+        if self.columns.is_on:
+            self.columns.fit()
+        elif points is not None:
             camera.fit(self._renderer, points)
 
     def fit_if_cut(self) -> None:
@@ -294,8 +317,7 @@ class Scene:
         else:
             for layer in ("grains", "avatars", "deviation", *COLOURS):
                 if layer in self._actors and self._visible[layer]:
-                    points = np.asarray(self._actors[layer].mapper.dataset.points)
-                    found.append(points[:: max(1, len(points) // 20_000)])
+                    found.append(some_points(self._actors[layer]))
         return np.concatenate(found).astype(float) if found else None
 
     # ---- asking the picture ---------------------------------------------------------------
@@ -307,15 +329,9 @@ class Scene:
 
     def point_at(self, x: float, y: float) -> Float[np.ndarray, "3"] | None:
         """Return the foremost point of a surface or slice under a pixel (from the lower left), or None."""
-        surfaces = [
-            actor for actor in self._cuttable() if actor.GetVisibility() and isinstance(actor, pv.Actor)
-        ]
-        start, along = sight(self._renderer, x, y)
-        found = [point_under(self._renderer, surfaces, x, y)]
-        if self.slices is not None:
-            found.append(self.slices.point_on(start, along))
-        there = [point for point in found if point is not None]
-        return min(there, key=lambda point: float((point - start) @ along)) if there else None
+        surfaces = [one for one in self._cuttable() if one.GetVisibility() and isinstance(one, pv.Actor)]
+        on_slice = None if self.slices is None else self.slices.point_on
+        return foremost_point(self._renderer, surfaces, on_slice, x, y)
 
     def screenshot(self) -> UInt8[np.ndarray, "h w 3"]:
         """Render and return the picture."""
@@ -332,21 +348,12 @@ class Scene:
             # While a slider moves this happens thirty times a second: only the mesh's arrays change.
             surface.fill(self._meshes[layer])
         else:
-            self._meshes[layer] = surface.poly_data()
-            self._actors[layer] = self.plotter.add_mesh(
-                self._meshes[layer], color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
-                specular=0.15, specular_power=25, ambient=0.12, name=layer, pickable=layer != "points",
-                reset_camera=False, render=False, show_scalar_bar=False,
-            )  # fmt: skip
-            self._actors[layer].prop.interpolation = "Phong"
-            self._actors[layer].prop.opacity = self.opacity(layer)
-            # Depth peeling loses see-through surfaces on OSMesa. Without back faces and with the
-            # grain drawn after the avatar inside it, plain blending is right.
-            self._actors[layer].prop.culling = "back"
-            for other in SEE_THROUGH:
-                if layer not in SEE_THROUGH and other in self._actors:
-                    self._renderer.RemoveActor(self._actors[other])
-                    self._renderer.AddActor(self._actors[other])
+            colour = getattr(self.theme, COLOURS[layer])
+            mesh = self._meshes[layer] = surface.poly_data()
+            self._actors[layer] = single_surface(self.plotter, layer, mesh, colour, self.opacity(layer))
+            # With the grain drawn after the avatar inside it plain blending is right.
+            if layer not in SEE_THROUGH:
+                draw_last(self._renderer, [self._actors[one] for one in SEE_THROUGH if one in self._actors])
         self._apply_visibility()
 
     def _set_labelled(self, layer: Layer, surface: Surface | None, unit: str | None) -> None:
@@ -360,7 +367,8 @@ class Scene:
     def _cuttable(self) -> list[Any]:
         """Return the actors of all surfaces and of the volume."""
         more = (self._overviews.others, self.gallery.actor)
-        return [*self._actors.values(), *(actor for actor in more if actor is not None)]
+        clouds = () if self._cloud is None else (self._cloud.actor, self._cloud.coarse)
+        return [*clouds, *self._actors.values(), *(actor for actor in more if actor is not None)]
 
     def _remove(self, layer: Layer) -> None:
         self._overviews.forget(layer)
@@ -373,6 +381,8 @@ class Scene:
     def _apply_visibility(self) -> None:
         if self.slices is not None:
             self.slices.set_visible(self._visible["slices"])
+        if self._cloud is not None:
+            self._cloud.set_visible(self._visible["volume"], self._moving)
         for layer, actor in self._actors.items():
             actor.SetVisibility(self._visible[layer] and self.opacity(layer) > 0.001)
         if self._overviews.others is not None:
@@ -386,7 +396,5 @@ class Scene:
     def close(self) -> None:
         """Let go of the plotter's objects; the plotter itself is closed by its owner."""
         self.clear()
-        self._bar.remove()
-        self._deviation.scale.remove()
-        self.measurements.remove()
-        self.clip.remove()
+        for part in (self.columns, self._bar, self._deviation.scale, self.measurements, self.clip):
+            part.remove()

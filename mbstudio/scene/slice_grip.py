@@ -32,6 +32,10 @@ class SliceGrip:
         self.pixel_ratio = 1.0
         self._held: tuple[Axis, int, Float[np.ndarray, "2"]] | None = None
 
+    def scale(self, ratio: float) -> None:
+        """Tell how many pixels of the picture one of the screen's units is."""
+        self.pixel_ratio = ratio
+
     def over(self, x: float, y: float) -> Axis | None:
         """Return the axis of the slice whose frame lies under a pixel (from the lower left), or None."""
         slices = self._scene.slices

@@ -1,17 +1,30 @@
-"""Volume rendering of a scan, thinned to what the graphics memory takes."""
+"""Volume rendering of a scan, thinned to what the graphics memory takes, coarser while it is turned."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyvista as pv
 from jaxtyping import Float32
+from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
+from vtkmodules.vtkRenderingCore import vtkColorTransferFunction
+from vtkmodules.vtkRenderingOpenGL2 import vtkTextureObject
+from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkSmartVolumeMapper
+
+from mbstudio.scene.theme import rgb
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
+
+MOVING = 2.5
+"""By how much coarser the cloud is while it is turned, along each side: a fifteenth of the voxels."""
+# From the void's end of the window to the grains' end.
+_SHADES = ((0.0, "#000000"), (0.37, "#525274"), (0.75, "#a6c6c6"), (1.0, "#ffffff"))
+_OPACITIES = ((0.0, 0.0), (0.43, 0.0), (0.78, 0.85), (1.0, 0.9))
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +35,18 @@ class VolumeVoxels:
     spacing: tuple[float, float, float]
     origin: tuple[float, float, float]
 
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """The smallest and the largest grey value."""
+        low, high = float(self.grey.min()), float(self.grey.max())
+        return low, high if high > low else low + 1.0
+
+    def thinned(self, factor: float) -> VolumeVoxels:
+        """Return every k-th voxel, k at least `factor`."""
+        step = max(1, math.ceil(factor))
+        x, y, z = (edge * step for edge in self.spacing)
+        return VolumeVoxels(self.grey[::step, ::step, ::step], (x, y, z), self.origin)
+
 
 def volume_voxels(scan: Scan, longest: int = 256) -> VolumeVoxels:
     """Return the scan, thinned until no side is longer than `longest` voxels.
@@ -29,7 +54,8 @@ def volume_voxels(scan: Scan, longest: int = 256) -> VolumeVoxels:
     Parameters
     ----------
     longest : int
-        At most the largest 3-D texture of the graphics card; 256 is quick even in software.
+        At most the largest 3-D texture of the graphics card (:func:`largest_texture`); 256 is quick even
+        in software.
 
     Notes
     -----
@@ -43,23 +69,81 @@ def volume_voxels(scan: Scan, longest: int = 256) -> VolumeVoxels:
     return VolumeVoxels(grey, (x, y, z), scan.origin)
 
 
-def add_volume(plotter: pv.BasePlotter, voxels: VolumeVoxels, window: tuple[float, float], name: str) -> Any:
-    """Add a scan as a cloud: clear below the middle of the window, dense at its top."""
-    image = pv.ImageData(dimensions=voxels.grey.shape[::-1], spacing=voxels.spacing, origin=voxels.origin)
-    image.point_data["grey"] = voxels.grey.ravel()
-    # pyvista reads an array as 0 to 255 over the grey window.
-    opacity = 255 * np.concatenate([np.zeros(110), np.linspace(0, 0.85, 90), np.full(56, 0.9)])
-    return plotter.add_volume(
-        image,
-        scalars="grey",
-        clim=window,
-        cmap="bone",
-        opacity=opacity,
-        opacity_unit_distance=float(np.mean(image.spacing)) * 2,
-        shade=True,
-        show_scalar_bar=False,
-        name=name,
-        pickable=False,
-        reset_camera=False,
-        render=False,
-    )
+def largest_texture(render_window: Any) -> int:
+    """Return how many voxels a side of a volume may have on this graphics card; 0 if it does not say.
+
+    Parameters
+    ----------
+    render_window : vtkRenderWindow
+        That has drawn something: before, it has no graphics to ask.
+    """
+    if not render_window.IsA("vtkOpenGLRenderWindow") or not render_window.GetInitialized():
+        return 0
+    return max(0, int(vtkTextureObject.GetMaximumTextureSize3D(render_window)))
+
+
+class VolumeCloud:
+    """A scan as a cloud: clear below the middle of the grey window, dense at its top.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+    voxels : VolumeVoxels
+    window : tuple of float
+        Grey values shown black and white.
+    """
+
+    def __init__(self, plotter: Any, voxels: VolumeVoxels, window: tuple[float, float]) -> None:
+        self._plotter, self._ends = plotter, voxels.ends
+        self.actor = self._volume("volume", voxels)
+        self.coarse = self._volume("volume in motion", voxels.thinned(MOVING))
+        self.set_window(*window)
+
+    def set_window(self, low: float, high: float) -> None:
+        """Show grey value `low` black and clear, `high` white and dense."""
+        start, end = self._ends
+        scale = 255 / (end - start)
+        first, width = (low - start) * scale, max((high - low) * scale, 1e-6)
+        colours, opacities = vtkColorTransferFunction(), vtkPiecewiseFunction()
+        for share, colour in _SHADES:
+            colours.AddRGBPoint(first + share * width, *(channel / 255 for channel in rgb(colour)))
+        for share, opacity in _OPACITIES:
+            opacities.AddPoint(first + share * width, opacity)
+        for volume in (self.actor, self.coarse):
+            volume.GetProperty().SetColor(colours)
+            volume.GetProperty().SetScalarOpacity(opacities)
+
+    def set_visible(self, visible: bool, moving: bool) -> None:
+        """Show or hide it; while it is turned, by fewer voxels."""
+        self.actor.SetVisibility(visible and not moving)
+        self.coarse.SetVisibility(visible and moving)
+
+    def remove(self) -> None:
+        """Take it out of the plotter."""
+        for volume in (self.actor, self.coarse):
+            self._plotter.remove_actor(volume, reset_camera=False, render=False)
+
+    def _volume(self, name: str, voxels: VolumeVoxels) -> Any:
+        image = pv.ImageData(dimensions=voxels.grey.shape[::-1], spacing=voxels.spacing, origin=voxels.origin)
+        # 0 to 255 is a quarter of the graphics memory; one range for both levels.
+        low, high = self._ends
+        shades = np.round((voxels.grey - low) * (255 / (high - low))).astype(np.uint8)
+        image.point_data["grey"] = shades.ravel()
+        mapper = vtkSmartVolumeMapper()
+        mapper.SetInputData(image)
+        mapper.SetBlendModeToComposite()
+        if self._plotter.render_window.IsA("vtkOSOpenGLRenderWindow"):
+            # Without a graphics card the processor's own rays are ten times as fast as those of its OpenGL.
+            mapper.SetRequestedRenderModeToRayCast()
+            mapper.SetAutoAdjustSampleDistances(False)
+            mapper.SetInteractiveAdjustSampleDistances(False)
+            mapper.SetSampleDistance(float(np.mean(voxels.spacing)))
+        volume = pv.plotting.volume.Volume()
+        volume.SetMapper(mapper)
+        prop = volume.GetProperty()
+        prop.SetInterpolationTypeToLinear()
+        prop.ShadeOn()
+        prop.SetScalarOpacityUnitDistance(float(np.mean(voxels.spacing)) * 2)
+        volume.PickableOff()
+        self._plotter.add_actor(volume, name=name, reset_camera=False, render=False)
+        return volume

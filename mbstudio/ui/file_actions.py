@@ -97,11 +97,24 @@ class FileActions(QObject):
 
         path = path if path.suffix else path.with_suffix(".png")
         try:
-            imwrite(path, self._window.viewport.picture())
+            imwrite(path, self._window.viewport.picture(self._window.pictures.scale))
         except OSError as error:
             self._window.messages.say("error", f"{path} cannot be written ({error}): choose another folder.")
         else:
             self._window.messages.say("success", f"Saved the view as {path}.")
+
+    def ask_turntable(self) -> None:
+        """Ask for a file and write the view turning once around to it."""
+        name, kind = QFileDialog.getSaveFileName(
+            self._window,
+            "Save turntable",
+            self.folder("turntable.gif"),
+            "GIF animation (*.gif);;MP4 film (*.mp4);;PNG pictures, one a frame (*.png)",
+        )
+        if name:
+            path = Path(name)
+            ending = next((end for end in (".mp4", ".png") if end in kind), ".gif")
+            self._window.pictures.write_turntable(path if path.suffix else path.with_suffix(ending))
 
     def ask_report(self) -> None:
         """Ask for a file and write the report on the populations to it."""

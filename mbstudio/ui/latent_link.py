@@ -17,9 +17,10 @@ from mbstudio.core.units import unit_label
 from mbstudio.core.vae import load_style_learner
 from mbstudio.core.vae.latent import aligned_to, interpolated
 from mbstudio.core.vae.latent_recipe import Operation
-from mbstudio.core.vae.live_grain import AT_REST, MOVING, live_grain
+from mbstudio.core.vae.live_grain import AT_REST, live_grain
 from mbstudio.core.vae.meaning_factors import MEANINGS
-from mbstudio.scene.morph_animation import require_writer, write_morph
+from mbstudio.scene.animation import require_writer
+from mbstudio.scene.morph_animation import write_morph
 from mbstudio.scene.surfaces import Surface
 from mbstudio.ui.latent_pictures import LatentPictures
 from mbstudio.ui.widgets.blend_page import LETTERS, STRIP
@@ -91,7 +92,6 @@ class LatentLink(QObject):
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
         self._dock.blend.stop()
-        self._window.viewport.is_draft = False
         grains = self._window.workspace.state.grains
         scan = self._window.workspace.scan
         if grains is not None or scan is not None:
@@ -153,7 +153,6 @@ class LatentLink(QObject):
         if grain is None or about is None:
             return
         latent_station = self._window.station == "latent"
-        self._window.viewport.is_draft = latent_station and grain.cells == MOVING
         self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
         self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
         if about.map is not None:
@@ -367,11 +366,10 @@ class LatentLink(QObject):
             steps=steps,
         )  # fmt: skip
         task = Task("Writing the animation", lambda control: write(progress=control.progress))
+        what = f"pictures {path.stem}_000.png, ..." if path.suffix.lower() == ".png" else path.name
         task.succeeded.connect(
-            lambda last: (
-                self._window.messages.say("success", f"Saved the way from A to B, up to {last}.")
-                if last != path
-                else self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            lambda _: self._window.messages.say(
+                "success", f"Saved the way from A to B as {what} in {path.parent}."
             )
         )
         self._window.queue.submit(task)

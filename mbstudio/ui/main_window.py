@@ -11,10 +11,12 @@ from PySide6.QtWidgets import QLabel
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.compare_link import CompareLink
 from mbstudio.ui.export_link import ExportLink
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.latent_link import LatentLink
+from mbstudio.ui.picture_link import PictureLink
 from mbstudio.ui.population_link import PopulationLink
 from mbstudio.ui.shell_link import ShellLink
 from mbstudio.ui.slice_link import SliceLink
@@ -95,6 +97,8 @@ class MainWindow(WindowLayout):
         self.tools = ViewTools(self)
         self.shell = ShellLink(self)
         self.exporting = ExportLink(self)
+        self.comparing = CompareLink(self)
+        self.pictures = PictureLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()

@@ -37,7 +37,7 @@ class SliceLink(QObject):
         self.readout.setObjectName("key")
         window.statusBar().addWidget(self.readout)
         self.grip = SliceGrip(self._link.scene, self._link.move_slice)
-        self.grip.pixel_ratio = window.devicePixelRatioF()
+        window.viewport.scaled.connect(self.grip.scale)
         window.viewport.grips.append(self.grip)
         window.viewport.hovered.connect(self._hovered)
         self._link.slices_changed.connect(self.refresh)

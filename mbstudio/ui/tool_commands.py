@@ -10,13 +10,35 @@ from mbstudio.ui.commands import Command
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-TOOLS = ("view.measure_distance", "view.measure_angle", "view.measure_clear", "view.clip", "view.clip_reset")
+TOOLS = (
+    "view.measure_distance",
+    "view.measure_angle",
+    "view.measure_clear",
+    "view.clip",
+    "view.clip_reset",
+    "view.side_by_side",
+    "view.copy_picture",
+    "view.turntable",
+)
 """What the button Tools above the view offers."""
 
 
 def tool_commands(window: MainWindow) -> list[Command]:
     """Return the commands of the tools."""
-    return [*_measuring(window), *_clipping(window)]
+    comparing = window.comparing
+    side_by_side = Command(
+        "view.side_by_side",
+        "Side by side: grain, avatar, clone",
+        comparing.show,
+        "View",
+        "Ctrl+Alt+S",
+        "ph.columns",
+        "Show grain, avatar and clone next to each other, turned together",
+        lambda: comparing.is_offered,
+        lambda: comparing.is_shown,
+        separated=True,
+    )
+    return [*_measuring(window), *_clipping(window), side_by_side, *_pictures(window)]
 
 
 def _measuring(window: MainWindow) -> list[Command]:
@@ -83,5 +105,47 @@ def _clipping(window: MainWindow) -> list[Command]:
             "ph.arrows-out",
             "Put its faces back to the ends of what is shown",
             lambda: tools.is_clipping,
+        ),
+    ]
+
+
+def _pictures(window: MainWindow) -> list[Command]:
+    pictures = window.pictures
+    return [
+        Command(
+            "view.copy_picture",
+            "Copy picture of the view",
+            pictures.copy,
+            "View",
+            "Ctrl+Alt+P",
+            "ph.copy",
+            "Put the 3-D view into the clipboard",
+            lambda: window.has_view,
+            separated=True,
+        ),
+        Command(
+            "view.turntable",
+            "Save turntable…",
+            window.files.ask_turntable,
+            "View",
+            "",
+            "ph.film-strip",
+            "Write the view turning once around: GIF, MP4 or a PNG for each frame",
+            lambda: window.has_view and not pictures.is_turning,
+        ),
+        *(
+            Command(
+                f"view.picture_{scale}",
+                f"Pictures: {words}",
+                partial(pictures.use_scale, scale),
+                "View",
+                "",
+                "",
+                f"Save, copy and turn the view with {scale} × {scale} pixels for each of the screen's"
+                if scale > 1
+                else "Save, copy and turn the view with as many pixels as the screen shows",
+                checked=partial(pictures.has_scale, scale),
+            )
+            for scale, words in ((1, "as on the screen"), (2, "twice as fine"), (4, "four times as fine"))
         ),
     ]

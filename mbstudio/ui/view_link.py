@@ -69,6 +69,8 @@ class ViewLink(QObject):
         fits.avatar_moved.connect(self._avatar_moved)
         theme.changed.connect(self._theme_changed)
         viewport.clicked.connect(self._clicked)
+        viewport.scaled.connect(self.scene.set_pixel_ratio)
+        viewport.moving.connect(self._camera_moving)
 
     # ---- what the window asks ------------------------------------------------------------------
 
@@ -126,7 +128,7 @@ class ViewLink(QObject):
         """Change the grey values shown black and white."""
         slices = self.scene.slices
         if slices is not None and slices.window != (low, high):
-            slices.set_window(low, high)
+            self.scene.set_window(low, high)
             self._slices_moved()
 
     def close(self) -> None:
@@ -186,6 +188,11 @@ class ViewLink(QObject):
             self.surfaces.clear_deviation()
             self.arrange()
         self.draw()
+
+    def _camera_moving(self, moving: bool) -> None:
+        if self.scene.has_volume:
+            self.scene.set_moving(moving)
+            self.viewport.request_render()
 
     def _theme_changed(self) -> None:
         self.scene.set_theme(self.theme.scene)

@@ -20,7 +20,7 @@ from mbstudio.scene.surfaces import (
     grain_surface,
     label_surface,
 )
-from mbstudio.scene.volume import volume_voxels
+from mbstudio.scene.volume import largest_texture, volume_voxels
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -91,9 +91,11 @@ class ViewSurfaces(QObject):
         """Build the scan as a cloud, if it is not there."""
         scan = self._workspace.scan
         if scan is not None and not self._scene.has_volume:
+            most = largest_texture(self._scene.plotter.render_window)
+            longest = min(self._volume, most) if most else self._volume
             self._build(
                 "the volume",
-                lambda: volume_voxels(scan, self._volume),
+                lambda: volume_voxels(scan, longest),
                 self._scene.set_volume,
                 lambda: scan is self._workspace.scan,
             )

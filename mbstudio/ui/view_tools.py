@@ -78,7 +78,7 @@ class ViewTools(QObject):
         self.measure("distance", False)
 
     def _clicked(self, x: float, y: float) -> None:
-        if self.measuring is None:
+        if self.measuring is None or self._scene.columns.is_on:
             return
         point = self._scene.point_at(x, y)
         if point is None:

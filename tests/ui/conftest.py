@@ -50,6 +50,7 @@ def theme(qapp, settings):
 def window(qtbot, settings, theme):
     window = MainWindow(settings, theme)
     window.ask_before_closing = False
+    window.fits.shows_spheres = False
     window.resize(1280, 800)
     window.show()
     qtbot.waitExposed(window)

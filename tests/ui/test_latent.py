@@ -18,7 +18,7 @@ from mbstudio.core.vae.live_grain import AT_REST, MOVING
 from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.scene import camera
-from mbstudio.scene.morph_animation import AnimationError, require_writer
+from mbstudio.scene.animation import AnimationError, require_writer
 from mbstudio.ui.latest import LatestOnly
 from mbstudio.ui.widgets.blend_page import STRIP
 from mbstudio.ui.widgets.factor_radar import standing
@@ -343,30 +343,20 @@ def test_the_next_wish_is_begun_when_the_last_result_was_taken(qtbot):
     assert latest.close()
 
 
-def test_pictures_are_plain_under_the_hand_and_smooth_at_rest(shaping, rest):
+def test_the_picture_is_plain_under_the_hand_and_whole_at_rest(shaping, rest, qtbot):
     viewport = shaping.viewport
-    viewport.render_now()
-    smooth, samples = viewport.picture(), viewport.plotter.render_window.GetMultiSamples()
+    whole = viewport.picture()
     slider = shaping.panels_latent.meanings["csf"].slider
-    plain = []
-    shaping.latents.grain_changed.connect(lambda: plain.append(viewport.is_draft))
     drag(slider, 0.5, 0.4)
     rest()
-    assert plain[0]
-    assert not plain[-1]
-    assert not viewport.is_draft
-    viewport.render_now()
-    assert viewport.plotter.render_window.GetMultiSamples() == samples
+    if viewport.kind == "software":
+        viewport.request_render()
+        qtbot.waitUntil(lambda: not viewport.is_sharp)
+        qtbot.waitUntil(lambda: viewport.is_sharp)
+    assert changed(whole, viewport.picture()) > 0.01
     shaping.commands.run("edit.undo")
     rest()
-    assert changed(smooth, viewport.picture()) == 0.0
-    # The view is turned with plain pictures, too.
-    QTest.mousePress(viewport, Qt.MouseButton.LeftButton, pos=QPoint(100, 100))
-    QTest.mouseMove(viewport, QPoint(140, 100))
-    if viewport.kind == "software":
-        assert viewport.is_draft
-    QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(140, 100))
-    assert not viewport.is_draft
+    assert changed(whole, viewport.picture()) == 0.0
 
 
 def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tmp_path):

@@ -199,3 +199,25 @@ def test_zoom_keeps_the_voxel_under_the_mouse(scanned, panes):
     assert pane.voxel_at(middle) == pytest.approx(before, abs=0.6)
     QTest.mouseDClick(pane, Qt.MouseButton.LeftButton, pos=middle.toPoint())
     assert pane.picture_rect().width() == pytest.approx(width)
+
+
+def test_the_volume_is_no_larger_than_the_graphics_takes(scanned, idle, monkeypatch):
+    window = scanned
+    monkeypatch.setattr("mbstudio.ui.view_surfaces.largest_texture", lambda _: 20)
+    assert window.commands.run("layer.volume")
+    idle()
+    mapper = window.link.scene._cloud.actor.GetMapper()
+    # 64 voxels a side, every fourth: 16.
+    assert mapper.GetInput().GetDimensions() == (16, 16, 16)
+
+
+def test_turning_shows_the_coarse_volume(scanned, idle):
+    window = scanned
+    assert window.commands.run("layer.volume")
+    idle()
+    cloud, viewport = window.link.scene._cloud, window.viewport
+    QTest.mousePress(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))
+    assert cloud.coarse.GetVisibility()
+    QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))
+    assert cloud.actor.GetVisibility()
+    assert not cloud.coarse.GetVisibility()

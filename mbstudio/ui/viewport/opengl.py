@@ -34,6 +34,7 @@ class OpenGLViewport(Viewport):
 
     def render_now(self) -> None:
         if self.plotter.isVisible():
+            self.scaled.emit(self.devicePixelRatioF())
             self.plotter.render()
 
     def close_viewport(self) -> None:

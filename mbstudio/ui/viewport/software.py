@@ -5,11 +5,14 @@ It serves tests, remote desktops and machines whose graphics driver fails.
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 import numpy as np
 import pyvista as pv
-from PySide6.QtCore import QPointF, Qt
+from jaxtyping import UInt8
+from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QImage, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -17,12 +20,20 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from mbstudio.ui.viewport.viewport import Viewport
 
+BUDGET = 0.03  # seconds that a picture may take while things move
+CALM = 200  # milliseconds without a change after which the picture is drawn sharp
+COARSEST = 0.25  # of the width and height, however slow
+SMOOTH = 4  # samples a pixel of a picture at rest
+
 
 class SoftwareViewport(Viewport):
     """Renders off screen, paints the picture and turns the camera by the mouse itself.
 
     Left button turns, middle button or Shift and left moves, right button or wheel zooms: the
     same as in the other implementation.
+
+    The processor draws every pixel in the main thread. What moves is drawn with rough edges, and with fewer
+    pixels where it would take longer than the event loop may pause; at rest it is drawn sharp.
     """
 
     kind = "software"
@@ -30,7 +41,6 @@ class SoftwareViewport(Viewport):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.plotter = pv.Plotter(off_screen=True, window_size=[640, 480])
-        self._samples: int | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName("3-D view")
         self.setMouseTracking(True)
@@ -39,47 +49,85 @@ class SoftwareViewport(Viewport):
         self._last: QPointF | None = None
         self._begun = False
         self._closed = False
+        self._per_pixel = 0.0  # seconds, of the last pictures
+        self._sharpen_soon = QTimer(self)
+        self._sharpen_soon.setSingleShot(True)
+        self._sharpen_soon.setInterval(CALM)
+        self._sharpen_soon.timeout.connect(self.render_now)
+        self._render_soon.timeout.disconnect()
+        self._render_soon.timeout.connect(self._render_quickly)
 
     def render_now(self) -> None:
+        """Render at once and sharp."""
+        self._sharpen_soon.stop()
+        self._render(1.0, SMOOTH)
+
+    @property
+    def is_sharp(self) -> bool:
+        """Whether the picture has all its pixels and smooth edges."""
+        return not self._sharpen_soon.isActive()
+
+    def coarseness(self) -> float:
+        """Return by what width and height of the next picture are multiplied to draw it in time."""
+        width, height = self._pixels()
+        expected = self._per_pixel * width * height
+        return 1.0 if expected <= BUDGET else max(COARSEST, math.sqrt(BUDGET / expected))
+
+    def _render_quickly(self) -> None:
+        begun, scale = time.perf_counter(), self.coarseness()
+        self._render(scale, 0)
+        width, height = self._pixels()
+        spent = (time.perf_counter() - begun) / (scale * width * scale * height)
+        self._per_pixel = spent if not self._per_pixel else 0.5 * (self._per_pixel + spent)
+        self._sharpen_soon.start()
+
+    def picture(self, scale: int = 1) -> UInt8[np.ndarray, "h w 3"]:
+        self.render_now()
+        return self._drawn(float(scale), SMOOTH)
+
+    def _render(self, scale: float, samples: int) -> None:
         if self._closed:
             return
-        size = self._pixels()
-        if tuple(self.plotter.window_size) != size:
-            self.plotter.window_size = size
-        if not self._begun:
-            self._begun = True
-            self.plotter.show(auto_close=False, interactive=False)
-        self._smooth(not self.is_draft)
-        self.plotter.renderer.ResetCameraClippingRange()
-        self.plotter.render()
-        width, height = self._render_window.GetSize()
-        pixels = vtkUnsignedCharArray()
-        # From the front, where edges are smooth; the plotter's own way is a filter, three times as slow.
-        self._render_window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
-        rows = np.ascontiguousarray(vtk_to_numpy(pixels).reshape(height, width, 3)[::-1])
-        image = QImage(rows.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+        pixels = self._drawn(scale, samples)
+        height, width, _ = pixels.shape
+        image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
         image.setDevicePixelRatio(self.devicePixelRatioF())
         self._image = image
         self.update()
 
-    def close_viewport(self) -> None:
-        super().close_viewport()
-        self._closed = True
-        self.plotter.close()
-
-    def _smooth(self, on: bool) -> None:
-        """Smooth edges, or not: it takes two thirds of the time that software needs for a picture."""
-        if on and self._samples is not None:
-            self._render_window.SetMultiSamples(self._samples)
-            self._samples = None
-        elif not on and self._samples is None:
-            # Asked only now: before its first picture the window names more than it can do.
-            self._samples = int(self._render_window.GetMultiSamples())
-            self._render_window.SetMultiSamples(0)
+    def _drawn(self, scale: float, samples: int) -> UInt8[np.ndarray, "h w 3"]:
+        """Return the view with its sides multiplied, and so many samples a pixel."""
+        whole, ratio = self._pixels(), self.devicePixelRatioF()
+        width, height = (max(16, round(side * scale)) for side in whole)
+        # Straight to VTK: pyvista draws everything again whenever its size is set.
+        window = self._window
+        window.SetMultiSamples(samples)
+        window.SetSize(width, height)
+        self.scaled.emit(ratio * scale)
+        if not self._begun:
+            self._begun = True
+            self.plotter.show(auto_close=False, interactive=False)
+        self.plotter.renderer.ResetCameraClippingRange()
+        self.plotter.render()
+        data = vtkUnsignedCharArray()
+        # From the front, where edges are smooth.
+        window.GetPixelData(0, 0, width - 1, height - 1, 1, data, 0)
+        pixels = np.ascontiguousarray(vtk_to_numpy(data).reshape(height, width, 3)[::-1])
+        if (width, height) != whole:
+            # Who asks where a point stands in the picture means the whole one.
+            window.SetSize(*whole)
+            self.scaled.emit(ratio)
+        return pixels
 
     @property
-    def _render_window(self) -> Any:
+    def _window(self) -> Any:
         return self.plotter.render_window
+
+    def close_viewport(self) -> None:
+        super().close_viewport()
+        self._sharpen_soon.stop()
+        self._closed = True
+        self.plotter.close()
 
     def _pixels(self) -> tuple[int, int]:
         ratio = self.devicePixelRatioF()
@@ -92,6 +140,7 @@ class SoftwareViewport(Viewport):
         if self._image is None:
             painter.fillRect(self.rect(), self.palette().window())
         else:
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
             painter.drawImage(self.rect(), self._image)
         painter.end()
 
@@ -99,7 +148,7 @@ class SoftwareViewport(Viewport):
         super().resizeEvent(event)
         if not self._closed:
             # At once: fitting the view asks the renderer for its size.
-            self.plotter.window_size = self._pixels()
+            self._window.SetSize(*self._pixels())
             self.request_render()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
@@ -113,9 +162,6 @@ class SoftwareViewport(Viewport):
         if self.offer(event):
             return
         self._last = None
-        if self.is_draft:
-            self.is_draft = False
-            self.request_render()
         self.watch_clicks(event)
         self.moving.emit(False)
 
@@ -125,7 +171,6 @@ class SoftwareViewport(Viewport):
         moved = event.position() - self._last
         self._last = event.position()
         buttons = event.buttons()
-        self.is_draft = True
         shifted = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
         if buttons & Qt.MouseButton.MiddleButton or (buttons & Qt.MouseButton.LeftButton and shifted):
             self.pan(moved.x(), moved.y())

@@ -42,18 +42,18 @@ class Viewport(QWidget):
         The mouse is there, and no button is held.
     moving : signal (bool)
         The camera begins to be turned by hand, or is let go.
+    scaled : signal (float)
+        So many pixels of the picture are now one of the screen's units: for the size of text and lines.
     grips : list of Grip
         What can be dragged instead of turning the camera, the first one goes first.
-    is_draft : bool
-        Whether pictures may be plainer for a while because they have to follow a hand.
     """
 
     kind: ClassVar[str] = ""
     clicked = Signal(float, float)
     hovered = Signal(float, float)
     moving = Signal(bool)
+    scaled = Signal(float)
     plotter: pv.BasePlotter
-    is_draft = False
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -76,10 +76,10 @@ class Viewport(QWidget):
         """Render at once."""
         raise NotImplementedError
 
-    def picture(self) -> UInt8[np.ndarray, "h w 3"]:
-        """Render and return what is seen."""
+    def picture(self, scale: int = 1) -> UInt8[np.ndarray, "h w 3"]:
+        """Render and return what is seen, with `scale` times the view's pixels along each side."""
         self.render_now()
-        return np.asarray(self.plotter.screenshot(return_img=True))[..., :3]
+        return np.asarray(self.plotter.screenshot(return_img=True, scale=scale))[..., :3]
 
     def close_viewport(self) -> None:
         """Free the graphics; the widget is of no use afterwards."""

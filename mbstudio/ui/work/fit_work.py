@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,7 @@ from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 LIVE_CELLS = 36  # of the avatar's surface while the search runs
+SPHERE, SPHERES = 0.05, 1.0  # seconds that each sphere of the clustering is shown, and all at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,8 @@ class FitWork(Work):
         Something runs, pauses or has ended.
     arrived : signal
         One of many grains was fitted; the project gets them all at the end.
+    shows_spheres : bool
+        Whether the clustering, which is done in a blink, waits for the eye.
     """
 
     began = Signal(int)
@@ -75,6 +79,7 @@ class FitWork(Work):
         self._fitting: _Fitting | None = None
         self._task: Task | None = None
         self._arrived: tuple[object, list[Any]] = (None, [])
+        self.shows_spheres = True
         workspace.grains_changed.connect(self._forget)
         workspace.project_replaced.connect(self._forget)
 
@@ -116,6 +121,7 @@ class FitWork(Work):
         settings = self.workspace.state.fit_settings
         fitting = _Fitting(label, grains.grain(label), settings.n, settings.target)
         self._fitting = fitting
+        waits = self.shows_spheres and not settings.target
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
             control.report(-1.0 if settings.target else 0.0, "Preparing the grain")
@@ -123,7 +129,7 @@ class FitWork(Work):
                 fitting.grain, settings.n, settings.method, settings.seed, target=settings.target or None,
                 **settings.options,
             )  # fmt: skip
-            return _drive(fitting)
+            return _drive(fitting, min(SPHERE, SPHERES / settings.n) if waits else 0.0)
 
         self.began.emit(label)
         task = self._start(f"Fitting grain {label}", steps, fitting)
@@ -324,10 +330,14 @@ def _listed(labels: list[int]) -> str:
     return shown if len(labels) <= 6 else f"{shown} and {len(labels) - 6} more"
 
 
-def _drive(fitting: _Fitting) -> Iterator[SearchStep | _Finished]:
+def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Finished]:
+    """Yield the steps, each sphere of the clustering no sooner than `sphere` seconds after the one before."""
     assert fitting.run is not None
-    begun = False
+    begun, last = False, time.monotonic()
     for step in fitting.run:
+        if step.phase == "clustering":
+            time.sleep(max(0.0, last + sphere - time.monotonic()))
+            last = time.monotonic()
         yield step
         begun = begun or step.phase == "search"
         if fitting.stop and begun:
