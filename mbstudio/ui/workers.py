@@ -319,6 +319,8 @@ class TaskQueue(QObject):
             task.mute()
         # Every thread is waited for, also after one that does not end.
         ended = [task.wait(seconds) for task in running]
+        for task in running:
+            task.deleteLater()
         return all(ended)
 
     def _start_next(self, lane: str) -> None:
@@ -340,6 +342,8 @@ class TaskQueue(QObject):
             del self._running[lane]
             # Not from within the task's own signal: its last listeners come first.
             QTimer.singleShot(0, self, lambda: self._go_on(lane))
+        # Listeners may hold the task and, through its signals, be held by it: Python sees no such ring.
+        task.deleteLater()
         self.changed.emit()
 
     def _go_on(self, lane: str) -> None:
