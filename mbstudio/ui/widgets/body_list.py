@@ -91,7 +91,7 @@ class _Model(QAbstractListModel):
         super().__init__()
         self.bodies: Bodies | None = None
         self.rows = np.zeros(0, dtype=int)
-        self.sort = ""
+        self.by = ""
         self.asked: dict[int, None] = {}
         self._blank = QPixmap(SIDE, SIDE)
         self._blank.fill(Qt.GlobalColor.transparent)
@@ -123,7 +123,7 @@ class _Model(QAbstractListModel):
     def _told(self, row: int) -> str:
         """Return the factor that the order is by, else the nominal diameter and the sphericity."""
         assert self.bodies is not None
-        shown = [self.sort] if self.sort in self.bodies.columns else []
+        shown = [self.by] if self.by in self.bodies.columns else []
         shown += [name for name in _SHORT if name in self.bodies.columns and name not in shown]
         parts = [
             f"{FACTOR_NAMES[name].symbol or ''} {self.bodies.value(name, row)}".strip() for name in shown
@@ -174,7 +174,7 @@ class BodyList(QListView):
         """Show bodies in an order."""
         self._quiet = True
         self.content.beginResetModel()
-        self.content.bodies, self.content.rows, self.content.sort = bodies, rows, sort
+        self.content.bodies, self.content.rows, self.content.by = bodies, rows, sort
         self.content.asked.clear()
         self.content.endResetModel()
         self._quiet = False
