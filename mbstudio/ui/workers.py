@@ -293,9 +293,13 @@ class TaskQueue(QObject):
         """Return the task that runs in a lane."""
         return self._running.get(lane)
 
+    def waiting_tasks(self, lane: str = "work") -> list[Task]:
+        """Return the tasks that wait in a lane, the next one first."""
+        return [task for _, task in self._waiting.get(lane, ()) if not task.is_over]
+
     def waiting(self, lane: str = "work") -> int:
         """Return how many tasks wait in a lane."""
-        return len(self._waiting.get(lane, ()))
+        return len(self.waiting_tasks(lane))
 
     @property
     def is_idle(self) -> bool:
