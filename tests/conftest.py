@@ -62,6 +62,7 @@ hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "mbstudio")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="also run the tests that are slow or large")
+    parser.addoption("--images", metavar="FOLDER", help="keep the pictures of the window's stations there")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -10,7 +10,7 @@ from mbstudio.scene.camera import DIRECTIONS
 from mbstudio.scene.theme import rgb
 
 _LIGHT = np.array([-0.35, 0.55, 0.76])
-_MARGIN = 1.12
+MARGIN = 1.12
 _SAMPLES = 2  # a pixel's side is so many rays, for smooth outlines
 
 
@@ -36,8 +36,8 @@ def thumbnail(
     """
     low, high = avatar.bounds()
     centre, half = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-    right, up, away = _frame()
-    shown = _MARGIN * (seen_reach(avatar) if reach is None else reach)
+    right, up, away = view_frame()
+    shown = MARGIN * (seen_reach(avatar) if reach is None else reach)
     rays = size * _SAMPLES
     place = shown * (2 * (np.arange(rays) + 0.5) / rays - 1)
     across, upward = np.meshgrid(place, -place)
@@ -45,20 +45,25 @@ def thumbnail(
     origins = (plane + 1.01 * half * away).reshape(-1, 3)
     hits = avatar.first_hits(origins, np.broadcast_to(-away, origins.shape).copy())
     met = np.isfinite(hits)
-    light = _LIGHT @ np.stack([right, up, away])
     shade = np.zeros(len(hits))
     gradient = avatar.gradient(origins[met] - hits[met][:, None] * away)
     normal = -gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-300)
-    shade[met] = 0.3 + 0.75 * np.clip(normal @ (light / np.linalg.norm(light)), 0.0, 1.0)
+    shade[met] = lit(normal)
     return _picture(met, shade, colour, size)
 
 
 def seen_reach(avatar: Avatar) -> float:
     """Return about how far the picture of an avatar reaches from its middle, in its unit."""
     low, high = avatar.bounds()
-    right, up, _ = _frame()
+    right, up, _ = view_frame()
     # Of the ellipsoid in the bounding box: its corners are empty.
     return float(max(np.linalg.norm(0.5 * (high - low) * way) for way in (right, up)))
+
+
+def lit(normals: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, " m"]:
+    """Return how bright surfaces with these unit normals (x, y, z) are, 0.3 in the shade to 1.05."""
+    light = _LIGHT @ np.stack(view_frame())
+    return 0.3 + 0.75 * np.clip(normals @ (light / np.linalg.norm(light)), 0.0, 1.0)
 
 
 def _picture(met: np.ndarray, shade: np.ndarray, colour: str, size: int) -> UInt8[np.ndarray, "s s 4"]:
@@ -73,7 +78,7 @@ def _picture(met: np.ndarray, shade: np.ndarray, colour: str, size: int) -> UInt
     return picture
 
 
-def _frame() -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+def view_frame() -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
     """Return the picture's right, its upward direction and the way to the camera."""
     away, upright = (np.array(vector, dtype=float) for vector in DIRECTIONS["isometric"])
     away /= np.linalg.norm(away)

@@ -58,6 +58,28 @@ class FileActions(QObject):
         else:
             self._window.scans.open(path, voxel_size)
 
+    def tell_missing_scan(self, why: str) -> None:
+        """Say that the project's scan is missing, and offer to tell where it is; work goes on without."""
+        self._window.messages.say(
+            "warning", f"{why} Grains and avatars are there all the same.", "Locate…", self.ask_missing_scan
+        )
+
+    def ask_missing_scan(self) -> None:
+        """Let the person say where the project's scan lies now."""
+        reference = self._window.workspace.state.scan
+        if reference is None:
+            return
+        name = ""
+        if reference.path is not None and not reference.path.suffix:
+            name = QFileDialog.getExistingDirectory(self._window, "Where are the slices?", self.folder())
+        else:
+            wanted = "" if reference.path is None else f" ({reference.path.name})"
+            name, _ = QFileDialog.getOpenFileName(
+                self._window, f"Where is the project's scan{wanted}?", self.folder(), "All files (*)"
+            )
+        if name:
+            self._window.scans.relocate(Path(name))
+
     def open_sample(self) -> None:
         """Make the sample scan."""
         self._window.scans.open_sample()
@@ -173,23 +195,35 @@ class FileActions(QObject):
         dialog.answered.connect(self._window.scans.open_answered)
         dialog.open()
 
+    @property
+    def has_unsaved_work(self) -> bool:
+        """Whether leaving the project now would lose something that is done or under way."""
+        window = self._window
+        return window.workspace.is_modified or bool(window.fits.arrived_fits) or window.fits.is_running
+
     def leave_project(self, then: Any) -> None:
         """Do `then` once unsaved work is saved or given up."""
-        if not (
-            self._window.ask_before_closing
-            and self._window.workspace.is_modified
-            and self._window.workspace.can_be_saved
-        ):
+        window = self._window
+        if not (window.ask_before_closing and self.has_unsaved_work and window.workspace.can_be_saved):
             then()
             return
+        running = window.queue.running()
         box = QMessageBox(self._window)
         box.setIcon(QMessageBox.Icon.Question)
         box.setText(f"Save the changes to “{self._window.workspace.title}”?")
-        box.setInformativeText("Otherwise the grains and avatars since the last save are lost.")
+        told = "Otherwise the grains and avatars since the last save are lost."
+        if running is not None:
+            told = f"“{running.title}” is still running and will be stopped. " + told
+        box.setInformativeText(told)
         buttons = QMessageBox.StandardButton
         box.setStandardButtons(buttons.Save | buttons.Discard | buttons.Cancel)
         answer = box.exec()
         if answer == buttons.Save:
+            # What a fit has reached so far comes into the project, then into the file.
+            if window.fits.running_label is not None:
+                window.fits.stop()
+            else:
+                window.queue.cancel_all("work")
             path = self._window.workspace.project.path
             if path is None:
                 self.save_as(after=then)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
 CAMERAS = 20  # projects whose camera is remembered
-FREE = ("history", "log")
+FREE = ("history", "log", "bodies")
 """Docks that belong to no station: they stay as they are wherever one goes."""
 
 

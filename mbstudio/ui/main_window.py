@@ -298,7 +298,7 @@ class MainWindow(WindowLayout):
     # ---- closing -----------------------------------------------------------------------------------
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        if not self._closing and self.ask_before_closing and self.workspace.is_modified:
+        if not self._closing and self.ask_before_closing and self.files.has_unsaved_work:
             event.ignore()
             self.files.leave_project(self._close_without_asking)
             return

@@ -52,9 +52,19 @@ def edit_commands(window: MainWindow) -> list[Command]:
     ]
 
 
-def log_commands(window: MainWindow) -> list[Command]:
-    """Return the log, for the menu View."""
+def dock_commands(window: MainWindow) -> list[Command]:
+    """Return gallery and log, for the menu View."""
     return [
+        Command(
+            "panel.bodies",
+            "Gallery",
+            window.shell.show_gallery,
+            "View",
+            "Ctrl+B",
+            "ph.squares-four",
+            "Show or hide the pictures of all grains, avatars and clones",
+            checked=lambda: not window.shell.gallery.dock.isHidden(),
+        ),
         Command(
             "panel.log",
             "Messages and log",

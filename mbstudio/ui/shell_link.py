@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QDockWidget, QLabel, QWidget
 from mbstudio.core.batch.processes import limit_processes
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave
+from mbstudio.ui.gallery_link import GalleryLink
 from mbstudio.ui.layout_memory import LayoutMemory
 from mbstudio.ui.memory import memory_used
 from mbstudio.ui.widgets.history_list import HistoryList
@@ -45,6 +46,7 @@ class ShellLink(QObject):
         areas = Qt.DockWidgetArea
         self.history_dock = self._dock("history", "History", self.history, areas.RightDockWidgetArea)
         self.log_dock = self._dock("log", "Messages", self.log, areas.BottomDockWidgetArea)
+        self.gallery = GalleryLink(window, self._dock)
         self._guide: Guide | None = None
         self._sheet: CheatSheet | None = None
         self._preferences: Preferences | None = None
@@ -69,9 +71,11 @@ class ShellLink(QObject):
     def connect_all(self) -> None:
         """Connect with the rest of the window, and put its panels as they stood."""
         window, space = self._window, self._window.workspace
+        self.gallery.connect_all()
         self.autosaves.said.connect(window.messages.say)
         self.autosaves.found.connect(self._show_leftovers)
         self.autosaves.restored.connect(lambda _: window.scans.reopen())
+        window.scans.missing.connect(window.files.tell_missing_scan)
         window.messages.shown.connect(self.log.say)
         space.state_changed.connect(self._show_history)
         window.theme.changed.connect(self._show_history)
@@ -143,6 +147,11 @@ class ShellLink(QObject):
     def show_log(self, shown: bool) -> None:
         """Show or hide messages and log."""
         self.log_dock.setVisible(shown)
+
+    def show_gallery(self, shown: bool) -> None:
+        """Show or hide the pictures of all grains, avatars and clones."""
+        self.gallery.dock.setVisible(shown)
+        self.gallery.show()
 
     def _show_history(self) -> None:
         if not self.history_dock.isHidden():

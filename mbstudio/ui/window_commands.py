@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mbstudio.ui.commands import Command
 from mbstudio.ui.latent_commands import latent_commands
 from mbstudio.ui.population_commands import population_commands
-from mbstudio.ui.shell_commands import edit_commands, help_commands, log_commands, recovery_commands
+from mbstudio.ui.shell_commands import dock_commands, edit_commands, help_commands, recovery_commands
 from mbstudio.ui.style_commands import style_commands
 from mbstudio.ui.tool_commands import tool_commands
 from mbstudio.ui.view_commands import view_commands
@@ -33,7 +33,7 @@ def window_commands(window: MainWindow) -> list[Command]:
         *latent_commands(window),
         *view_commands(window),
         *tool_commands(window),
-        *log_commands(window),
+        *dock_commands(window),
         *help_commands(window),
         *_help(window),
     ]

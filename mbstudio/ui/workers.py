@@ -293,9 +293,13 @@ class TaskQueue(QObject):
         """Return the task that runs in a lane."""
         return self._running.get(lane)
 
+    def waiting_tasks(self, lane: str = "work") -> list[Task]:
+        """Return the tasks that wait in a lane, the next one first."""
+        return [task for _, task in self._waiting.get(lane, ()) if not task.is_over]
+
     def waiting(self, lane: str = "work") -> int:
         """Return how many tasks wait in a lane."""
-        return len(self._waiting.get(lane, ()))
+        return len(self.waiting_tasks(lane))
 
     @property
     def is_idle(self) -> bool:
@@ -319,6 +323,8 @@ class TaskQueue(QObject):
             task.mute()
         # Every thread is waited for, also after one that does not end.
         ended = [task.wait(seconds) for task in running]
+        for task in running:
+            task.deleteLater()
         return all(ended)
 
     def _start_next(self, lane: str) -> None:
@@ -340,6 +346,8 @@ class TaskQueue(QObject):
             del self._running[lane]
             # Not from within the task's own signal: its last listeners come first.
             QTimer.singleShot(0, self, lambda: self._go_on(lane))
+        # Listeners may hold the task and, through its signals, be held by it: Python sees no such ring.
+        task.deleteLater()
         self.changed.emit()
 
     def _go_on(self, lane: str) -> None:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import gc
+import threading
+import time
+import weakref
 
 import numpy as np
 import pytest
 import tifffile
-from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+from PySide6.QtCore import QCoreApplication, QEvent, QSettings, QTimer
+from PySide6.QtWidgets import QApplication
+from shiboken6 import isValid
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
 from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project, ProjectState
@@ -15,6 +21,7 @@ from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.training import learn
 from mbstudio.ui.main_window import MainWindow
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.viewport import Viewport
 from tests.core.vae.boxes import boxes
 
 PATIENCE = 120_000  # milliseconds that a test waits for work before it gives up
@@ -24,6 +31,62 @@ def delete_later_now():
     """Run what waits for deletion: processEvents does not."""
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     QCoreApplication.processEvents()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def known_objects():
+    """Set what the imports have made aside: the garbage collector need not look at it after each test."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+def living():
+    """Return viewports, VTK's windows and renderers, running timers and top-level widgets that are alive."""
+    found = []
+    for thing in gc.get_objects():
+        # Of the type itself: a weak proxy passes isinstance as well.
+        kind = type(thing)
+        if issubclass(kind, vtkRenderWindow | vtkRenderer) or (
+            issubclass(kind, Viewport | QTimer)
+            and isValid(thing)
+            and (kind is not QTimer or thing.isActive())
+        ):
+            found.append(thing)
+    return found + list(QApplication.topLevelWidgets())
+
+
+FAILED = pytest.StashKey[bool]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    item.stash[FAILED] = item.stash.get(FAILED, False) or report.failed
+    return report
+
+
+@pytest.fixture(autouse=True)
+def nothing_left(qapp, request):
+    """Fail a test that leaves a viewport, a VTK window, a thread, a running timer or a widget behind."""
+    threads = set(threading.enumerate())
+    known = weakref.WeakSet(living())
+    yield
+    if request.node.stash.get(FAILED, False):
+        return  # its traceback keeps everything alive, and there is one failure to look at already
+    # What the test was given is closed by now, but pytest still holds it.
+    request.node.funcargs.clear()
+    deadline = time.monotonic() + 3
+    while True:
+        delete_later_now()
+        gc.collect()
+        left = [thread.name for thread in threading.enumerate() if thread not in threads]
+        left += [repr(thing) for thing in living() if thing not in known]
+        if not left or time.monotonic() > deadline:
+            break
+        time.sleep(0.05)
+    assert not left, f"left alive: {left}"
 
 
 @pytest.fixture(autouse=True)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
+
+import h5py
 import numpy as np
 import pytest
 import tifffile
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
-from PySide6.QtWidgets import QDialog
+from PySide6.QtWidgets import QDialog, QFileDialog, QMessageBox, QPushButton
 
+from mbstudio.core.project import Project, ProjectState
 from mbstudio.ui.widgets.scan_dialog import ScanDialog
+from tests.ui.conftest import PATIENCE
 
 
 def drop(window, *paths):
@@ -194,3 +199,148 @@ def test_two_files_at_once_are_too_many(window, scan_path):
     drop(window, scan_path, scan_path)
     assert window.messages.level == "warning"
     assert window.queue.is_idle
+
+
+@pytest.fixture
+def messages(window):
+    """Every message that is shown, with its level."""
+    said = []
+    window.messages.shown.connect(lambda level, text: said.append((level, text)))
+    return said
+
+
+def test_a_project_of_a_newer_version_is_refused_and_says_what_to_do(segmented, idle, tmp_path, messages):
+    window = segmented
+    before = window.workspace.state
+    Project(ProjectState(fit_settings=before.fit_settings)).save(tmp_path / "tomorrow.mbs")
+    with h5py.File(tmp_path / "tomorrow.mbs", "r+") as file:
+        file.attrs["schema"] = 99
+        file.attrs["written_by"] = "mbstudio 9.0"
+    drop(window, tmp_path / "tomorrow.mbs")
+    idle()
+    ((level, text),) = messages
+    assert level == "error"
+    assert "tomorrow.mbs was written by mbstudio 9.0" in text
+    assert "update mbstudio" in text
+    assert window.workspace.state is before
+
+
+@pytest.fixture
+def moved_scan(window, idle, tmp_path, scan_path):
+    """A project file whose scan lies elsewhere now, and that place."""
+    scan = shutil.copy(scan_path, tmp_path / "scan.tif")
+    window.files.open_path(scan, "14 um")
+    idle()
+    assert window.commands.run("grains.find")
+    idle()
+    window.projects.save(tmp_path / "sand.mbs")
+    idle()
+    window.files.new_project()
+    (tmp_path / "elsewhere").mkdir()
+    return tmp_path / "sand.mbs", shutil.move(scan, tmp_path / "elsewhere" / "scan.tif")
+
+
+def test_a_missing_scan_is_asked_for_and_work_goes_on_without(
+    window, idle, moved_scan, messages, monkeypatch, tmp_path
+):
+    project, scan = moved_scan
+    messages.clear()
+    window.files.open_path(project)
+    idle()
+    (warning,) = [text for level, text in messages if level == "warning"]
+    assert "scan.tif is not there" in warning
+    assert "command line" not in warning
+    assert window.workspace.scan is None
+    assert len(window.workspace.state.grains) == 3, "grains are there without the scan"
+    (locate,) = [button for button in window.messages.findChildren(QPushButton) if button.text() == "Locate…"]
+    # Another scan in its place is refused, and asked for again.
+    np.save(tmp_path / "other.npy", np.zeros((8, 8, 8), np.uint8))
+    answers = [str(tmp_path / "other.npy"), str(scan)]
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *args: (answers.pop(0), ""))
+    locate.click()
+    idle()
+    assert "other.npy is not the scan" in window.messages.text
+    assert window.workspace.scan is None
+    locate.click()
+    idle()
+    assert window.workspace.scan.shape == (64, 64, 64)
+    assert window.workspace.state.scan.path == scan
+    assert window.messages.level == "success"
+    assert len(window.workspace.state.grains) == 3
+
+
+def answer_with(monkeypatch, button, told):
+    def answer(box):
+        told.append(f"{box.text()} {box.informativeText()}")
+        return button
+
+    monkeypatch.setattr(QMessageBox, "exec", answer)
+
+
+def test_closing_while_a_fit_runs_keeps_what_it_has_reached(segmented, idle, tmp_path, monkeypatch, qtbot):
+    window = segmented
+    window.projects.save(tmp_path / "sand.mbs")
+    idle()
+    label = window.workspace.state.grains.interior_labels[0]
+    window.workspace.select(label)
+    window.panels_fit.method.setCurrentIndex(window.panels_fit.method.findData("paper"))
+    window.projects.save(tmp_path / "sand.mbs")
+    idle()
+    assert window.commands.run("fit.grain")
+    qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
+    assert not window.workspace.is_modified
+    told = []
+    window.ask_before_closing = True
+    answer_with(monkeypatch, QMessageBox.StandardButton.Cancel, told)
+    window.close()
+    assert window.isVisible()
+    assert window.fits.is_running, "called off: it goes on"
+    answer_with(monkeypatch, QMessageBox.StandardButton.Save, told)
+    window.close()
+    qtbot.waitUntil(lambda: not window.isVisible(), timeout=PATIENCE)
+    assert len(told) == 2
+    assert f"“Fitting grain {label}” is still running" in told[1]
+    with Project.open(tmp_path / "sand.mbs") as saved:
+        assert list(saved.fits) == [label]
+
+
+def test_closing_while_tasks_queue_ends_them_all(window, idle, qtbot):
+    from mbstudio.ui.workers import Task
+
+    begun = []
+
+    def endless(control):
+        begun.append(control)
+        while True:
+            control.progress(0.5)
+
+    for _ in range(3):
+        window.queue.submit(Task("Counting", endless))
+    qtbot.waitUntil(lambda: bool(begun), timeout=PATIENCE)
+    window.close()
+    assert not window.isVisible()
+    assert len(begun) == 1, "what waited never began"
+
+
+def test_an_unplugged_drive_loses_nothing(segmented, idle, tmp_path, messages):
+    window = segmented
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    window.projects.save(drive / "sand.mbs")
+    idle()
+    shutil.rmtree(drive)
+    window.workspace.change_fit_settings(n=77)
+    messages.clear()
+    window.files.save()
+    idle()
+    ((level, text),) = messages
+    assert level == "error"
+    assert "sand.mbs cannot be saved" in text
+    assert window.workspace.is_modified
+    assert window.workspace.state.fit_settings.n == 77
+    # Elsewhere it can be saved.
+    window.projects.save(tmp_path / "sand.mbs")
+    idle()
+    with Project.open(tmp_path / "sand.mbs") as saved:
+        assert saved.state.fit_settings.n == 77
+        assert len(saved.grains) == 3

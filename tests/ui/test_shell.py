@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
 from collections import Counter
 from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtGui import QGuiApplication
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QPushButton
 
+import mbstudio
 from mbstudio.core.batch.processes import limit_processes, process_limit, processors, usable_cores
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.project import Autosave, Project, ProjectState
 from mbstudio.ui.main_window import MainWindow
+from mbstudio.ui.widgets.about import AboutBox
 from mbstudio.ui.widgets.cheat_sheet import shortcuts
 from mbstudio.ui.widgets.guide import SECTIONS
 from mbstudio.ui.work.autosave_work import autosave_folder
+from mbstudio.ui.workers import Task
 from tests.ui.conftest import delete_later_now
 
 
@@ -315,3 +321,45 @@ def test_an_autosave_that_fails_is_said_once(with_grains, idle, monkeypatch):
     assert [level for level, _ in said] == ["warning"]
     assert "No space left" in said[0][1]
     assert window.workspace.state.fit_settings.n == 60
+
+
+# ---- tasks -----------------------------------------------------------------------------------------
+
+
+def test_a_waiting_task_is_taken_out_of_the_queue(window, idle, qtbot):
+    let_go, done = threading.Event(), []
+
+    def work(name):
+        def run(control):
+            while not let_go.is_set():
+                control.progress(0.5, name)
+                time.sleep(0.01)
+            done.append(name)
+
+        return run
+
+    for name in ("first", "second", "third"):
+        window.queue.submit(Task(f"The {name}", work(name)))
+    strip = window.strip
+    assert strip._title.text() == "The first"
+    assert strip._queued.text() == "+ 2 waiting"
+    strip.waiting_menu.aboutToShow.emit()
+    entries = strip.waiting_menu.actions()
+    assert [entry.text() for entry in entries] == ["The second", "The third"]
+    entries[0].trigger()
+    assert strip._queued.text() == "+ 1 waiting"
+    let_go.set()
+    idle()
+    assert done == ["first", "third"]
+    assert not strip.isVisible()
+
+
+def test_system_information_is_copied(window, idle):
+    window.about()
+    (about,) = window.findChildren(AboutBox)
+    (copy,) = [button for button in about.findChildren(QPushButton) if "system information" in button.text()]
+    copy.click()
+    told = QGuiApplication.clipboard().text()
+    for words in (mbstudio.__version__, "Python", "vtk", "processors", "3-D view: software"):
+        assert words in told
+    about.close()

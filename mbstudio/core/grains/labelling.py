@@ -5,7 +5,6 @@ from __future__ import annotations
 import fill_voids
 import numba
 import numpy as np
-import pandas as pd
 from jaxtyping import Bool, Int
 
 from mbstudio.core.grains.grain_set import GrainSet
@@ -29,6 +28,8 @@ def grain_set_of(
     """
     counts, boxes, sums, cut = statistics(labels, rim)
     centroids = voxel_size.positions(sums / np.maximum(counts, 1)[:, None], origin)
+    import pandas as pd  # imported late: it takes a third of a second
+
     table = pd.DataFrame(
         {
             "label": np.arange(1, len(counts) + 1),

@@ -10,7 +10,9 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QDialog, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 import mbstudio
+from mbstudio.core.batch.processes import processors
 from mbstudio.ui.icons import application_icon
+from mbstudio.ui.memory import memory_used
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label, primary_button
 
@@ -25,6 +27,7 @@ def system_information(viewport: Viewport) -> str:
         platform.platform(),
     ]
     lines += [f"{name} {version(name)}" for name in _LIBRARIES]
+    lines.append(f"{processors()} processors, {memory_used() / 2**20:.0f} MB in use")
     window = getattr(viewport.plotter, "render_window", None)
     lines.append(f"3-D view: {viewport.kind}, {window.GetClassName() if window else 'closed'}")
     return "\n".join(lines)
@@ -51,7 +54,8 @@ class AboutBox(QDialog):
         versions = label(text, "hint")
         versions.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         layout.addWidget(versions)
-        copy = QPushButton("Copy")
+        copy = QPushButton("Copy system information")
+        copy.setToolTip("Versions, graphics, processors and memory, for a report of a mistake")
         copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(text))
         close = primary_button("Close")
         close.clicked.connect(self.accept)

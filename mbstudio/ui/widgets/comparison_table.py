@@ -129,7 +129,11 @@ def _side(column: int) -> Qt.AlignmentFlag:
 
 
 def _number(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else "–"
+    if not np.isfinite(value):
+        return "–"
+    # Zeros behind the point take the room of digits.
+    digits = 4 if abs(value) >= 0.1 else 3 if abs(value) >= 0.01 else 2
+    return f"{value:.{digits}g}"
 
 
 def _percent(value: float) -> str:

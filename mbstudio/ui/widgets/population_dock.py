@@ -66,7 +66,7 @@ class PopulationDock(QFrame):
         self.words.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.words.setContentsMargins(40, 0, 40, 0)
         self._stack.addWidget(self.words)
-        self._legend = label("", "hint")
+        self._legend = label("", "hint", wrap=True)
         self._legend.setTextFormat(Qt.TextFormat.RichText)
         self._tools(icons)
         layout = QVBoxLayout(self)

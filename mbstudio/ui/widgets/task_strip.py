@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QToolButton, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QProgressBar, QToolButton, QWidget
 
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.workers import Report, Task, TaskQueue
@@ -28,6 +28,13 @@ class TaskStrip(QWidget):
         self._bar.setTextVisible(False)
         self._bar.setFixedWidth(170)
         self._left = QLabel()
+        self._queued = QToolButton()
+        self._queued.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self._queued.setToolTip("Tasks that wait; choose one to take it out")
+        self._queued.setAccessibleName("Waiting tasks")
+        self.waiting_menu = QMenu(self._queued)
+        self.waiting_menu.aboutToShow.connect(self._list_waiting)
+        self._queued.setMenu(self.waiting_menu)
         self._pause = QToolButton()
         self._cancel = QToolButton()
         icons.set(self._cancel, "ph.x")
@@ -36,7 +43,7 @@ class TaskStrip(QWidget):
         layout = QHBoxLayout(self)
         layout.setContentsMargins(6, 0, 6, 0)
         layout.setSpacing(6)
-        for widget in (self._title, self._bar, self._left, self._pause, self._cancel):
+        for widget in (self._title, self._queued, self._bar, self._left, self._pause, self._cancel):
             layout.addWidget(widget)
         self._pause.clicked.connect(self._toggle_pause)
         self._cancel.clicked.connect(self._cancel_task)
@@ -68,11 +75,23 @@ class TaskStrip(QWidget):
             return
         waiting = self._queue.waiting()
         paused = " (paused)" if task.is_paused else ""
-        self._title.setText(f"{task.title}{paused}" + (f" · {waiting} waiting" if waiting else ""))
+        self._title.setText(f"{task.title}{paused}")
+        self._queued.setText(f"+ {waiting} waiting")
+        self._queued.setVisible(waiting > 0)
         self._pause.setVisible(task.can_pause)
         self._icons.set(self._pause, "ph.play" if task.is_paused else "ph.pause")
         self._pause.setToolTip("Resume" if task.is_paused else "Pause")
         self._pause.setAccessibleName("Resume the task" if task.is_paused else "Pause the task")
+
+    def _list_waiting(self) -> None:
+        self.waiting_menu.clear()
+        for task in self._queue.waiting_tasks():
+            action = self.waiting_menu.addAction(self._icons.get("ph.x"), task.title)
+            action.triggered.connect(lambda _checked=False, chosen=task: self._take_out(chosen))
+
+    def _take_out(self, task: Task) -> None:
+        task.cancel()
+        self._queue.changed.emit()
 
     def _toggle_pause(self) -> None:
         task = self._queue.running()

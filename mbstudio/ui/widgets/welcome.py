@@ -59,7 +59,7 @@ class Welcome(QFrame):
         outer = QHBoxLayout(self)
         outer.setContentsMargins(40, 30, 40, 30)
         outer.addStretch(1)
-        outer.addWidget(content, 4, Qt.AlignmentFlag.AlignVCenter)
+        outer.addWidget(content, 10, Qt.AlignmentFlag.AlignVCenter)
         outer.addStretch(1)
 
     def show_cards(self, cards: Sequence[QWidget]) -> None:

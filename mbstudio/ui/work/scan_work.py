@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
-from mbstudio.core.errors import UnitError
+from mbstudio.core.errors import ScanError, UnitError
 from mbstudio.core.project import ScanReference
-from mbstudio.core.project.scan_reference import refer_to
+from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reopen
 from mbstudio.core.scan import Scan, open_scan, sample_scan
 from mbstudio.core.units import VoxelSize
 from mbstudio.scene.slices import sample_of_voxels
@@ -46,9 +46,13 @@ class ScanWork(Work):
     asked : signal (Path, str, bool)
         A scan whose voxel size is missing: its path, what is missing, whether it is RAW. Answer
         with :meth:`open_answered`.
+    missing : signal (str)
+        The project's scan is not where it was, or is another one: what was found. Answer with
+        :meth:`relocate`, or go on without it.
     """
 
     asked = Signal(object, str, bool)
+    missing = Signal(str)
 
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
@@ -99,7 +103,32 @@ class ScanWork(Work):
         project = self.workspace.project
         task = Task("Opening the project's scan", lambda control: project.scan)
         task.succeeded.connect(lambda scan: self._give(project, scan))
+        task.handled = (ScanError,)
+        task.failed.connect(lambda error: self._miss(project, error))
         return self.queue.submit(task)
+
+    def relocate(self, path: Path) -> Task | None:
+        """Take the project's scan from its new place; it must hold the same voxels."""
+        project, reference = self.workspace.project, self.workspace.state.scan
+        if reference is None:
+            return None
+
+        def take(scan: Scan) -> None:
+            if project is self.workspace.project:
+                self.workspace.change("Relocate scan", scan=replace(reference, path=path))
+                self.workspace.give_scan(scan)
+                self.said.emit("success", f"Found the project's scan in {path}.")
+
+        task = Task(f"Opening {path.name}", lambda control: reopen(reference, path))
+        task.succeeded.connect(take)
+        task.handled = (ScanError,)
+        task.failed.connect(lambda error: self._miss(project, error))
+        return self.queue.submit(task)
+
+    def _miss(self, project: object, error: Exception) -> None:
+        if project is self.workspace.project and isinstance(error, ScanError):
+            # The window has a button where the command line has an option.
+            self.missing.emit(str(error).replace(HOW_TO_RELOCATE, "tell where it is"))
 
     def change_voxel_size(self, size: VoxelSize) -> None:
         """Correct the voxel size of the present scan; grains and fits no longer hold."""
