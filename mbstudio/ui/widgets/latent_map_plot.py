@@ -59,7 +59,7 @@ class LatentMapPlot(Plot):
         self._here, self._clones = pg.ScatterPlotItem(), pg.ScatterPlotItem()
         self._cloned: np.ndarray = np.empty((0, 2))
         self._letters: list[pg.TextItem] = []
-        for z, item in ((5, self._clones), (10, self._parents), (20, self._kept), (30, self._here)):
+        for z, item in ((10, self._parents), (15, self._clones), (20, self._kept), (30, self._here)):
             item.setZValue(z)
             item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
             self.addItem(item)
@@ -130,9 +130,8 @@ class LatentMapPlot(Plot):
         faint = QColor(tokens.muted)
         faint.setAlpha(120)
         parents, kept, here = self._places
-        ring = QColor(tokens.accent)
-        ring.setAlpha(110)
-        self._clones.setData(*self._cloned.T, size=5, pen=pg.mkPen(ring), brush=None)
+        ring = pg.mkPen(tokens.accent, width=1.4)
+        self._clones.setData(*self._cloned.T, size=7, pen=ring, brush=None)
         self._parents.setData(*parents.T, size=6, pen=None, brush=pg.mkBrush(faint))
         self._kept.setData(
             *kept.T, size=9, symbol="s", pen=pg.mkPen(tokens.surface), brush=pg.mkBrush(scene.grain)
