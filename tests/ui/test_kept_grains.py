@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit
 
 from mbstudio.core.dem.engines import find_engine
 from mbstudio.core.project import Project
-from mbstudio.core.vae import generate
+from mbstudio.core.vae.generation import Counts, Generation
 from tests.ui.conftest import PATIENCE
 from tests.ui.hand import drag
 
@@ -206,7 +207,11 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
 def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, meanings):
     window, work = shaping, shaping.latents
     assert not window.gallery.tabs.isTabVisible(2)
-    window.workspace.use_clones(generate(learner, 6, seed=1))
+    drawn = learner.sample(6, 1)
+    named = replace(drawn.serialization, names=tuple(f"clone_{i}" for i in range(6)))
+    window.workspace.use_clones(
+        Generation(named, drawn.latents, drawn.parents, None, Counts(6, 6, 0, {}, 0, 0), "", 6.0, (), 1)
+    )
     rest()
     gallery = window.gallery
     assert gallery.tabs.tabText(2) == "Clones (6)"
