@@ -73,6 +73,8 @@ class LatentLink(QObject):
         blend.animation_asked.connect(self.ask_animation)
         self._dock.map.walked.connect(self._walk)
         gallery.opened.connect(work.begin_with)
+        self._window.workspace.clones_changed.connect(self._show_clones)
+        gallery.tabs.currentChanged.connect(lambda _: self._show_clones())
         gallery.forget_asked.connect(lambda name: work.forget([name]))
         gallery.rename_asked.connect(self._rename)
         self.pictures.ready.connect(self._picture_ready)
@@ -133,6 +135,7 @@ class LatentLink(QObject):
         self._dock.blend.set_sum(None)
         self._show_letters()
         self._show_kept()
+        self._show_clones()
         if learner is not None and about is not None:
             if about.map is not None:
                 self._dock.map.set_parents(about.map.places(learner.latents), about.map.share)
@@ -212,6 +215,18 @@ class LatentLink(QObject):
                 about.map.places(np.stack([recipe.vector for recipe in kept])) if kept else np.empty((0, 2))
             )
         self._window.panels_export.set_kept(self._work.kept_grains if learner is not None else (), learner)
+
+    def _show_clones(self) -> None:
+        """Show the clones on the map and in the gallery; their pictures are made when they are looked at."""
+        clones, about = self._work.clones, self._work.about
+        if about is not None and about.map is not None:
+            self._dock.map.set_clones(about.map.places(clones.latents) if clones else np.empty((0, 2)))
+        names = list(clones.clones.names) if clones else []
+        if self._gallery.clones.names != names:
+            self._gallery.show_clones(names, self.pictures.made)
+        if clones and self._gallery.strip is self._gallery.clones:
+            shown = zip(names, clones.latents, strict=True)
+            self.pictures.ask({n: z for n, z in shown if not self.pictures.has(n, z)}, "clones")
 
     def _tips(self) -> dict[str, str]:
         """Return what is told of each kept grain: its factors, and how it was made."""

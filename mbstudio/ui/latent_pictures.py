@@ -17,7 +17,7 @@ from mbstudio.ui.widgets.grain_strip import SIDE, pixmap_of
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 
 LANES = ("pictures", "pictures of parents")
-"""Of what was just made, and of the parents: hundreds of them must not keep the others waiting."""
+"""Of what was just made, and of parents and clones: hundreds of them must not keep the others waiting."""
 
 
 class LatentPictures(QObject):
@@ -67,7 +67,7 @@ class LatentPictures(QObject):
 
         task = Task("Drawing small pictures", drawn)
         task.reported.connect(lambda report: self._take(learner, report))
-        self._queue.submit(task, lane=LANES[key == "parents"], key=key)
+        self._queue.submit(task, lane=LANES[key in ("parents", "clones")], key=key)
 
     def _take(self, learner: StyleLearner, report: Report) -> None:
         if learner is not self._learner:

@@ -84,8 +84,8 @@ class Workspace(QObject):
 
     @property
     def can_be_saved(self) -> bool:
-        """Whether there is something that a project file is worth: a scan or a style."""
-        return self.state.scan is not None or self.state.style is not None
+        """Whether there is something that a project file is worth: a scan, a style or kept grains."""
+        return self.state.scan is not None or self.state.style is not None or bool(self.state.kept)
 
     @property
     def title(self) -> str:

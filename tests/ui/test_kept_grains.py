@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit
 
 from mbstudio.core.dem.engines import find_engine
 from mbstudio.core.project import Project
+from mbstudio.core.vae.generation import Counts, Generation
 from tests.ui.conftest import PATIENCE
 from tests.ui.hand import drag
 
@@ -200,3 +202,35 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
     assert done.returncode == 0, log[-2000:] + done.stderr
     assert "inserted 4 particle templates" in log
     assert "ERROR" not in log
+
+
+def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, meanings):
+    window, work = shaping, shaping.latents
+    assert not window.gallery.tabs.isTabVisible(2)
+    drawn = learner.sample(6, 1)
+    named = replace(drawn.serialization, names=tuple(f"clone_{i}" for i in range(6)))
+    window.workspace.use_clones(
+        Generation(named, drawn.latents, drawn.parents, None, Counts(6, 6, 0, {}, 0, 0), "", 6.0, (), 1)
+    )
+    rest()
+    gallery = window.gallery
+    assert gallery.tabs.tabText(2) == "Clones (6)"
+    gallery.tabs.setCurrentIndex(2)
+    rest()
+    assert all(not gallery.clones.item(row).icon().isNull() for row in range(6))
+    name = gallery.clones.names[4]
+    gallery.clones.choose(name)
+    assert window.commands.run("latent.pick_b")
+    assert window.studio.blend.slots["B"].grain == name
+    gallery.opened.emit(name)
+    rest()
+    clones = window.workspace.clones
+    np.testing.assert_array_equal(work.grain.latent, clones.latents[4])
+    np.testing.assert_allclose(work.grain.avatar.centers, clones.clones.avatar(4).centers, atol=1e-12)
+    np.testing.assert_allclose(window.studio.map.here, work.about.map.places(clones.latents[4:5])[0])
+    keep(window, rest)
+    np.testing.assert_array_equal(work.kept[0].retraced(learner, meanings), clones.latents[4])
+    # Another style-learner has no clones yet.
+    window.workspace.use_style(None)
+    rest()
+    assert not gallery.tabs.isTabVisible(2)

@@ -178,6 +178,9 @@ def to_export(
 ) -> tuple[list[Avatar], list[str], dict[str, str]]:
     """Return avatars, names of their files, and what lies beside them: the recipes as JSON."""
     names = [file_name(grain.name) for grain in kept]
-    latents = np.stack([grain.recipe.vector for grain in kept])
-    avatars = learner.decode(latents, names=tuple(names)).avatars()
+    # One at a time, as they were made under the hand: many at once differ in the last bit.
+    avatars = [
+        learner.decode(grain.recipe.vector[None], names=(name,)).avatar(0)
+        for grain, name in zip(kept, names, strict=True)
+    ]
     return avatars, names, {RECIPES: json.dumps([grain.as_record() for grain in kept], indent=1)}

@@ -1,4 +1,4 @@
-"""Below the view at station Latent: kept grains and parents, to click and to drag."""
+"""Below the view at station Latent: parents, kept grains and clones, to click and to drag."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from PySide6.QtWidgets import QHBoxLayout as Line
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.widgets.grain_strip import GrainStrip
 
+_CLONES = 2  # their tab
+
 
 class Gallery(QFrame):
-    """Two strips of grains, one at a time.
+    """Three strips of grains, one at a time.
 
     Attributes
     ----------
@@ -34,11 +36,14 @@ class Gallery(QFrame):
         super().__init__()
         self.setObjectName("gallery")
         self.kept, self.parents = GrainStrip("Kept grains", named_by_hand=True), GrainStrip("Parents")
+        self.clones = GrainStrip("Clones")
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
         self.tabs.addTab("Parents")
         self.tabs.addTab("Kept grains")
+        self.tabs.addTab("Clones")
+        self.tabs.setTabVisible(_CLONES, False)
         self.tabs.setAccessibleName("Which grains")
         self.remove = QToolButton()
         icons.set(self.remove, "ph.trash")
@@ -58,7 +63,7 @@ class Gallery(QFrame):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
         layout.addLayout(head)
-        for strip in (self.parents, self.kept):
+        for strip in self._strips:
             layout.addWidget(strip, 1)
             strip.opened.connect(self.opened)
             strip.currentRowChanged.connect(lambda _: self._refresh())
@@ -72,7 +77,11 @@ class Gallery(QFrame):
     @property
     def strip(self) -> GrainStrip:
         """The strip that is looked at."""
-        return self.kept if self.tabs.currentIndex() == 1 else self.parents
+        return self._strips[max(self.tabs.currentIndex(), 0)]
+
+    @property
+    def _strips(self) -> tuple[GrainStrip, GrainStrip, GrainStrip]:
+        return self.parents, self.kept, self.clones
 
     @property
     def chosen(self) -> str | None:
@@ -96,18 +105,27 @@ class Gallery(QFrame):
         if grown:
             self.tabs.setCurrentIndex(1)
             self.kept.scrollToBottom()
-        elif not kept:
+        elif not kept and self.strip is self.kept:
             self.tabs.setCurrentIndex(0)
+        self._refresh()
+
+    def show_clones(self, names: Sequence[str], pictures: Mapping[str, QPixmap]) -> None:
+        """Show other clones; without any there is no strip of them."""
+        self.clones.set_grains(names, pictures, {})
+        self.tabs.setTabText(_CLONES, f"Clones ({len(names)})")
+        if not names and self.strip is self.clones:
+            self.tabs.setCurrentIndex(0)
+        self.tabs.setTabVisible(_CLONES, bool(names))
         self._refresh()
 
     def set_picture(self, name: str, picture: QPixmap) -> None:
         """Show a picture that was made meanwhile."""
-        for strip in (self.kept, self.parents):
+        for strip in self._strips:
             strip.set_picture(name, picture)
 
     def _refresh(self) -> None:
-        self.kept.setVisible(self.strip is self.kept)
-        self.parents.setVisible(self.strip is self.parents)
+        for strip in self._strips:
+            strip.setVisible(strip is self.strip)
         for button in (self.rename, self.remove):
             button.setVisible(self.strip is self.kept)
             button.setEnabled(self.kept.chosen is not None)

@@ -52,8 +52,8 @@ def _explained(plot: QWidget) -> QWidget:
     line.setContentsMargins(14, 0, 14, 0)
     line.addWidget(
         label(
-            "Small dots: parents. Squares: kept grains. Large dot: the grain under the hand. Click to see "
-            "the grain there, drag to walk.",
+            "Small dots: parents. Rings: clones. Squares: kept grains. Large dot: the grain under the hand. "
+            "Click to see the grain there, drag to walk.",
             "hint",
             wrap=True,
         )

@@ -42,7 +42,7 @@ class WalkBox(pg.ViewBox):
 
 
 class LatentMapPlot(Plot):
-    """Parents, kept grains, A, B, C and the grain under the hand on the map.
+    """Parents, clones, kept grains, A, B, C and the grain under the hand on the map.
 
     Attributes
     ----------
@@ -56,9 +56,10 @@ class LatentMapPlot(Plot):
         self.box = WalkBox()
         super().__init__(theme, "", "", "Map of the latent space", self.box)
         self._parents, self._kept = pg.ScatterPlotItem(), pg.ScatterPlotItem()
-        self._here = pg.ScatterPlotItem()
+        self._here, self._clones = pg.ScatterPlotItem(), pg.ScatterPlotItem()
+        self._cloned: np.ndarray = np.empty((0, 2))
         self._letters: list[pg.TextItem] = []
-        for z, item in ((10, self._parents), (20, self._kept), (30, self._here)):
+        for z, item in ((10, self._parents), (15, self._clones), (20, self._kept), (30, self._here)):
             item.setZValue(z)
             item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
             self.addItem(item)
@@ -81,6 +82,11 @@ class LatentMapPlot(Plot):
             f"First direction ({share[0]:.0%} of the variance)", f"Second direction ({share[1]:.0%})"
         )
         self.box.autoRange()
+
+    def set_clones(self, places: Float[np.ndarray, "clones 2"]) -> None:
+        """Show the clones."""
+        self._cloned = places
+        self.repaint_theme()
 
     def set_kept(self, places: Float[np.ndarray, "kept 2"]) -> None:
         """Show the kept grains."""
@@ -124,6 +130,8 @@ class LatentMapPlot(Plot):
         faint = QColor(tokens.muted)
         faint.setAlpha(120)
         parents, kept, here = self._places
+        ring = pg.mkPen(tokens.accent, width=1.4)
+        self._clones.setData(*self._cloned.T, size=7, pen=ring, brush=None)
         self._parents.setData(*parents.T, size=6, pen=None, brush=pg.mkBrush(faint))
         self._kept.setData(
             *kept.T, size=9, symbol="s", pen=pg.mkPen(tokens.surface), brush=pg.mkBrush(scene.grain)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -21,10 +21,14 @@ from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.core.vae.parents_range import ParentsRange
 from mbstudio.core.vae.style_learner import StyleLearner
 from mbstudio.ui.latest import LatestOnly
+from mbstudio.ui.work.named_grains import clones_of, named_latent
 from mbstudio.ui.work.shaping_history import ShapingHistory, Stance
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.generation import Generation
 
 log = logging.getLogger(__name__)
 
@@ -365,22 +369,24 @@ class LatentWork(Work):
         return found
 
     def latent_of(self, name: str) -> Float64[np.ndarray, " d"] | None:
-        """Return the latent vector of a kept grain or a parent by its name."""
-        for recipe in self.kept:
-            if recipe.name == name:
-                return recipe.vector
-        if self.learner is not None and name in self.learner.parents.names:
-            return np.array(self.learner.latents[self.learner.parents.names.index(name)])
-        return None
+        """Return the latent vector of a kept grain, a parent or a clone by its name."""
+        return named_latent(name, self.kept, self.learner, self.clones)
+
+    @property
+    def clones(self) -> Generation | None:
+        """The clones made last, where they are those of the style-learner at hand."""
+        return clones_of(self.workspace.state, self.learner)
 
     def begin_with(self, name: str) -> None:
-        """Take a parent or a kept grain under the hand."""
+        """Take a parent, a kept grain or a clone under the hand."""
         recipe = next((kept for kept in self.kept if kept.name == name), None)
         if recipe is not None:
             stance = Stance(recipe.vector, recipe.operations)
             self._push(stance)
-        elif self.latent_of(name) is not None:
-            self.commit(Operation("begin", {"parent": name}, f"{name}"))
+        elif self.learner is not None and name in self.learner.parents.names:
+            self.commit(Operation("begin", {"parent": name}, name))
+        elif (latent := self.latent_of(name)) is not None:
+            self.commit(Operation("take", {"latent": latent.tolist()}, name))
 
     def close(self) -> None:
         """End the thread that shows grains."""
