@@ -21,9 +21,6 @@ from mbstudio.ui.workspace import Workspace
 
 LIVE_CELLS = 36  # of the avatar's surface while the search runs
 SPHERE, SPHERES = 0.05, 1.0  # seconds that each sphere of the clustering is shown, and all at most
-    0.05,
-    1.0,
-)  # seconds for which each sphere of the clustering is shown, and all of them at most
 
 
 @dataclass(frozen=True, eq=False)
