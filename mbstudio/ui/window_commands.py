@@ -14,7 +14,7 @@ from mbstudio.ui.view_commands import view_commands
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "View", "Help")
+MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "View", "Tools", "Help")
 
 
 def window_commands(window: MainWindow) -> list[Command]:
