@@ -133,6 +133,16 @@ def _pictures(window: MainWindow) -> list[Command]:
             "Write the view turning once around: GIF, MP4 or a PNG for each frame",
             lambda: window.has_view and not pictures.is_turning,
         ),
+        Command(
+            "view.save_curve",
+            "Save convergence curve…",
+            window.files.ask_curve,
+            "Tools",
+            "",
+            "ph.chart-line",
+            "Save the curve of the chosen grain's fit as SVG, PNG or PDF",
+            lambda: window.workspace.selected in window.workspace.state.fits,
+        ),
         *(
             Command(
                 f"view.picture_{scale}",
