@@ -113,6 +113,7 @@ class ClipBox:
     def remove(self) -> None:
         """Cut nothing any more, and leave the plotter."""
         self.is_on = False
+        self.changed = lambda: None
         self.cut([])
         for actor in (self._frame, self._handles):
             if actor is not None:

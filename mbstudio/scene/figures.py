@@ -71,7 +71,12 @@ def slices_figure(
 def convergence_figure(
     fits: Mapping[int, FitResult], most: int = 12, theme: SceneTheme = LIGHT
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Draw the loss of some fits against their generations, on a log axis, and the median of all."""
+    """Return :func:`convergence_plot` as pixels."""
+    return drawn(convergence_plot(fits, most, theme))
+
+
+def convergence_plot(fits: Mapping[int, FitResult], most: int = 12, theme: SceneTheme = LIGHT) -> Figure:
+    """Draw the loss of some fits against their generations, on a log axis, and the median of several."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.5, 4.6), dpi=DPI, facecolor="white", layout="constrained")
@@ -81,8 +86,8 @@ def convergence_figure(
     losses = np.array([np.pad(fit.history, (0, longest - len(fit.history)), "edge") for fit in fits.values()])
     for label in sorted(fits)[:most]:
         axes.plot(fits[label].history, color=theme.grain, linewidth=1, alpha=0.75)
-    middle = np.median(losses, axis=0)
-    axes.plot(middle, color=theme.avatar, linewidth=2.2, label=f"median of {len(fits)} grains")
+    told = f"median of {len(fits)} grains" if len(fits) > 1 else f"grain {next(iter(fits))}"
+    axes.plot(np.median(losses, axis=0), color=theme.avatar, linewidth=2.2, label=told)
     axes.set_yscale("log")
     axes.set_xlabel("Generation of the search")
     axes.set_ylabel("Mean loss")
@@ -90,7 +95,7 @@ def convergence_figure(
     axes.legend(frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    return drawn(figure)
+    return figure
 
 
 def drawn(figure: Figure) -> UInt8[np.ndarray, "h w 3"]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOVING = 2.5
 """By how much coarser the cloud is while it is turned, along each side: a fifteenth of the voxels."""
 # From the void's end of the window to the grains' end.
-_SHADES = ((0.0, "#000000"), (0.37, "#525274"), (0.75, "#a6c6c6"), (1.0, "#ffffff"))
+_SHADES = ((0.0, "#4d4a48"), (0.4, "#8f8579"), (0.65, "#d8cbb6"), (1.0, "#ffffff"))
 _OPACITIES = ((0.0, 0.0), (0.43, 0.0), (0.78, 0.85), (1.0, 0.9))
 
 
@@ -143,6 +143,8 @@ class VolumeCloud:
         prop = volume.GetProperty()
         prop.SetInterpolationTypeToLinear()
         prop.ShadeOn()
+        prop.SetAmbient(0.3)
+        prop.SetDiffuse(0.9)
         prop.SetScalarOpacityUnitDistance(float(np.mean(voxels.spacing)) * 2)
         volume.PickableOff()
         self._plotter.add_actor(volume, name=name, reset_camera=False, render=False)

@@ -162,6 +162,33 @@ class FileActions(QObject):
         if name:
             self.save_figure(Path(name), kind)
 
+    def ask_curve(self) -> None:
+        """Ask for a file and save the chosen grain's convergence curve to it."""
+        label = self._window.workspace.selected
+        name, kind = QFileDialog.getSaveFileName(
+            self._window,
+            "Save convergence curve",
+            self.folder(f"convergence_{label}.svg"),
+            "SVG drawing (*.svg);;PNG picture (*.png);;PDF (*.pdf)",
+        )
+        if name:
+            path = Path(name)
+            ending = next((end for end in FIGURES if end in kind), ".svg")
+            self.save_curve(path if path.suffix else path.with_suffix(ending))
+
+    def save_curve(self, path: Path) -> None:
+        """Save the chosen grain's convergence curve: SVG, PNG or PDF by its ending."""
+        from mbstudio.scene.figures import convergence_plot
+
+        space, messages = self._window.workspace, self._window.messages
+        fit = space.state.fits.get(space.selected) if space.selected is not None else None
+        if path.suffix.lower() not in FIGURES:
+            messages.say("error", f"{path} has no ending of a figure: use {', '.join(FIGURES)}.")
+        elif fit is not None and space.selected is not None:
+            fits = {space.selected: fit}
+            task = self._window.populations.draw(lambda: convergence_plot(fits), path)
+            task.succeeded.connect(lambda written: messages.say("success", f"Saved the curve as {written}."))
+
     def save_figure(self, path: Path, kind: str = "") -> None:
         """Save the plot that is looked at: SVG, PNG or PDF by its ending."""
         if not path.suffix:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QLabel, QToolButton
 
 from mbstudio.scene.annotations import readable_length
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
 STATIONS = ("scan", "grains")
+ROOMY = 1080  # pixels: wide enough for panel, view and panes
 
 
 class SliceLink(QObject):
@@ -53,12 +54,23 @@ class SliceLink(QObject):
         close = title.findChild(QToolButton) if title is not None else None
         if close is not None:
             close.clicked.connect(lambda: self.show(False))
+        window.installEventFilter(self)
         self.refresh()
 
     @property
     def is_offered(self) -> bool:
         """Whether the panes belong to this station and have something to show."""
         return self._window.station in STATIONS and self._link.scene.slices is not None
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the panes are wanted, have something to show, and leave room for the view."""
+        return self.wanted and self.is_offered and self._window.width() >= ROOMY
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize and self._window.slices_dock.isHidden() == self.is_shown:
+            self._window.show_docks()
+        return super().eventFilter(watched, event)
 
     def show(self, shown: bool) -> None:
         """Show or hide the panes, now and at the next start."""

@@ -133,6 +133,7 @@ class ViewLink(QObject):
 
     def close(self) -> None:
         """Let go of the scene."""
+        self.viewport.grips.clear()
         self.scene.close()
 
     # ---- what happens --------------------------------------------------------------------------

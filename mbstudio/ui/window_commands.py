@@ -16,7 +16,7 @@ from mbstudio.ui.view_commands import view_commands
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "Latent", "View", "Help")
+MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "Latent", "View", "Tools", "Help")
 
 
 def window_commands(window: MainWindow) -> list[Command]:

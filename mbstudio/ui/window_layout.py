@@ -293,7 +293,7 @@ class WindowLayout(QMainWindow):
         shaping = self.station == "latent" and self.latents.learner is not None
         self.studio_dock.setVisible(shaping)
         self.gallery_dock.setVisible(shaping)
-        self.slices_dock.setVisible(self.slicing.wanted and self.slicing.is_offered)
+        self.slices_dock.setVisible(self.slicing.is_shown)
         self.shell.memory.apply()
         for dock in (self.sweep_dock, self.plots_dock, self.studio_dock):
             if dock.isVisible() and dock not in self._sized:

@@ -68,3 +68,19 @@ def test_it_is_left_with_its_stations_and_comes_back_with_them(fitted, idle):
     grain, avatar, _ = thirds(window)
     assert grain > 60
     assert abs(avatar) < 40, "grain 2 has no avatar"
+
+
+def test_the_convergence_curve_is_saved_as_a_drawing(fitted, idle, tmp_path):
+    window = fitted
+    for name in ("curve.svg", "curve.pdf"):
+        window.files.save_curve(tmp_path / name)
+        idle()
+        assert window.messages.level == "success", window.messages.text
+    drawing = (tmp_path / "curve.svg").read_text()
+    assert drawing.lstrip().startswith("<?xml")
+    assert drawing.count("<path") > 5
+    assert (tmp_path / "curve.pdf").read_bytes().startswith(b"%PDF")
+    window.files.save_curve(tmp_path / "curve.doc")
+    assert window.messages.level == "error"
+    window.workspace.select(2)
+    assert not window.commands.run("view.save_curve"), "grain 2 has no fit"

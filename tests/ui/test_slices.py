@@ -221,3 +221,11 @@ def test_turning_shows_the_coarse_volume(scanned, idle):
     QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))
     assert cloud.actor.GetVisibility()
     assert not cloud.coarse.GetVisibility()
+
+
+def test_in_a_narrow_window_the_view_comes_first(scanned, panes, qtbot):
+    window = scanned
+    window.resize(900, 600)
+    qtbot.waitUntil(window.slices_dock.isHidden)
+    window.resize(1280, 800)
+    qtbot.waitUntil(lambda: not window.slices_dock.isHidden())
