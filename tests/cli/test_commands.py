@@ -273,6 +273,21 @@ def test_export_of_a_specimen(mbstudio, fitted_project, tmp_path):
     assert rows[:, 1].max() <= 300e-6
 
 
+def test_export_of_clumps_that_reach_a_target(mbstudio, fitted_project, tmp_path):
+    command = ("export", fitted_project, "--to", "pfc", "-o", tmp_path / "out", "--json")
+    label = str(min(Project.open(fitted_project).fits))
+    command += ("--select", label)
+    ran = mbstudio(*command, "--clump-target", "iou 0.7 and volume 1 %")
+    assert ran.code == 0
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    for item in manifest["items"]:
+        assert item["details"]["iou"] >= 0.7
+        assert item["details"]["spheres"] < 40
+    ran = mbstudio(*command, "--clump-target", "iou 0.9", "--spheres", 5)
+    assert ran.code != 0
+    assert "exclude each other" in ran.err
+
+
 def test_export_of_named_avatars_with_options(mbstudio, fitted_project, tmp_path):
     labels = sorted(Project.open(fitted_project).fits)[:2]
     ran = mbstudio(

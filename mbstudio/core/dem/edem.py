@@ -1,7 +1,14 @@
 """EDEM sphere tables: a CSV of positions and radii for each avatar, in the unit of the export.
 
-The centre of mass is the origin and the axes are principal, as EDEM wants its particles; volume, mass and
-moments to type in stand in the manifest.
+EDEM reads no such file: its table of a multi-sphere particle takes rows that are copied and pasted, in
+the order of its own columns; the header names ours, so that they can be put in that order. The centre of
+mass is the origin and the axes are principal, as EDEM wants its particles; volume, mass and moments to type
+in stand in the manifest.
+
+References
+----------
+Altair EDEM manual, "Add Multi-Sphere Particles": the table must match the format of the table in EDEM, and
+particles must be centred on the origin along the principal axes.
 """
 
 from __future__ import annotations

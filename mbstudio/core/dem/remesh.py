@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 GOOD_ANGLE = np.radians(22.0)
 _ROUNDS = 8
+_PASSES = 60
+_EDGES_ACROSS = 4
+"""Along the shortest side at least: a flake is not meshed by triangles that are wider than it is thick."""
 _REPAIRS = 16
 
 Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
@@ -37,7 +40,7 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     ----------
     avatar : Avatar
     cells : int
-        Edges along its longest side.
+        Edges along its longest side, or more where it is thin.
     volume : float, optional
         Volume of the avatar in unit**3. Flat triangles between points of a rounded surface hold too
         little; with it, the vertices are moved outwards by the one distance that makes up for it.
@@ -51,11 +54,12 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
 
     start = avatar.mesh(cells=max(24, round(1.4 * cells)))
     vertices, faces = np.array(start.vertices, dtype=float), np.array(start.faces, dtype=np.int64)
-    edge = float(np.ptp(vertices, axis=0).max()) / cells
+    sides = np.sort(np.ptp(vertices, axis=0))
+    edge = min(float(sides[2]) / cells, float(sides[0]) / _EDGES_ACROSS)
     vertices = project_to_surface(avatar, vertices, edge)
     for _ in range(_ROUNDS):
         vertices, faces = split_edges(vertices, faces, 4 / 3 * edge)
-        vertices, faces = collapse_edges(vertices, faces, 4 / 5 * edge, 4 / 3 * edge)
+        vertices, faces = _collapse_short(vertices, faces, edge)
         faces = flip_edges(vertices, faces)
         vertices = relax(avatar, vertices, faces, edge)
     for _ in range(4):
@@ -65,6 +69,17 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     if volume is not None:
         vertices = _with_volume(avatar, vertices, faces, volume)
     return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _collapse_short(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], edge: float) -> Mesh:
+    """Collapse short edges until few are left; one pass leaves the neighbours of a collapsed edge alone."""
+    for _ in range(_PASSES):
+        before = len(faces)
+        vertices, faces = collapse_edges(vertices, faces, 4 / 5 * edge, 4 / 3 * edge)
+        if before - len(faces) < 0.01 * before:
+            break
+        faces = flip_edges(vertices, faces)
+    return vertices, faces
 
 
 def _with_volume(

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import mbstudio
 from mbstudio.core.dem import export, targets, validate
-from mbstudio.core.errors import ExportError, MbstudioError, UnitError
+from mbstudio.core.errors import AvatarError, ExportError, MbstudioError, UnitError
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import mass_properties
 
@@ -125,6 +125,13 @@ def test_what_cannot_be_is_named_and_nothing_is_written(change, message, avatar,
     arguments = {"target": "stl", "density": 2650, **change}
     with pytest.raises(ExportError, match=message):
         export(avatar, arguments.pop("target"), tmp_path / "out", **arguments)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("weights", [[float("nan"), 1.0], [float("inf"), 1.0], [-1.0, 1.0]])
+def test_an_avatar_with_an_impossible_k_cannot_even_be_made(weights, tmp_path):
+    with pytest.raises(AvatarError, match="'odd'"):
+        export(Avatar([[0, 0, 0], [0.5, 0, 0]], weights, "mm", name="odd"), "stl", tmp_path / "out")
     assert not any(tmp_path.iterdir())
 
 

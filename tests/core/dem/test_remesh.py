@@ -36,6 +36,53 @@ def test_no_thin_triangle_whatever_the_shape(kind, cells, request):
     assert 0.7 * edge < mesh.edges_unique_length.mean() < 1.3 * edge
 
 
+def _circle(points: int, radius: float, middle: float) -> np.ndarray:
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    return np.stack([radius * np.cos(angle) + middle, radius * np.sin(angle), 0 * angle], axis=1)
+
+
+def _kinds() -> dict[str, tuple[Avatar, int]]:
+    """Avatars of different kinds, and the genus of each."""
+    plate = np.stack(np.meshgrid(np.linspace(-3, 3, 13), np.linspace(-2, 2, 9), [0.0]), axis=-1).reshape(
+        -1, 3
+    )
+    rod = np.stack([np.linspace(-5, 5, 21), np.zeros(21), np.zeros(21)], axis=1)
+    eight = np.concatenate([_circle(14, 3, -3.0), _circle(14, 3, 3.0)])
+    rough = np.random.default_rng(5).normal(size=(120, 3)) * [0.45, 0.3, 0.2]
+    return {
+        "one point": (Avatar([[1, 2, 3.0]], [2.0], "mm"), 0),
+        "flake": (Avatar(plate, np.full(len(plate), 0.02), "mm"), 0),
+        "rod": (Avatar(rod, np.full(21, 0.06), "mm"), 0),
+        "eight": (Avatar(eight, np.full(28, 0.2), "mm"), 2),
+        "many points": (Avatar(rough, np.full(120, 0.01), "mm"), 0),
+    }
+
+
+@pytest.mark.parametrize("cells", [8, 24])
+@pytest.mark.parametrize("kind", ["one point", "flake", "rod", "eight", "many points"])
+def test_all_kinds_of_avatars_get_one_closed_piece_of_their_genus(kind, cells):
+    body, genus = _kinds()[kind]
+    volume = mass_properties(body, 1).volume
+    mesh = well_shaped_mesh(body, cells, volume)
+    angles = np.degrees(angles_of(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    assert angles.min() > 22
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert mesh.euler_number == 2 - 2 * genus
+    assert mesh.volume == pytest.approx(volume, rel=1e-3)
+
+
+def test_the_number_of_triangles_is_that_of_the_edges_asked_for():
+    ball = Avatar([[0, 0, 0.0]], [1.0], "mm")
+    for cells in (8, 16, 40):
+        edge = 2.0 / cells
+        equilateral = 4 * np.pi / (np.sqrt(3) / 4 * edge**2)
+        mesh = well_shaped_mesh(ball, cells)
+        assert len(mesh.faces) == pytest.approx(equilateral, rel=0.15)
+        assert mesh.edges_unique_length.mean() == pytest.approx(edge, rel=0.1)
+
+
 def test_without_a_volume_every_vertex_lies_on_the_surface(avatar):
     mesh = well_shaped_mesh(avatar, 20)
     assert avatar.field(np.asarray(mesh.vertices)) == pytest.approx(1, abs=1e-4)
