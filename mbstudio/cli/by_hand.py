@@ -161,18 +161,11 @@ class ByHand:
                 )
         return moved[None]
 
-    def designed(self, targets: list[str], beyond: bool) -> np.ndarray:
-        """Return a grain of given factors; unless `beyond`, one that is like the parents otherwise."""
-        from mbstudio.core.vae.latent import is_far_outside
-
+    def designed(self, targets: list[str]) -> np.ndarray:
+        """Return a grain of given factors."""
         found = self.meanings.designed(numbers(targets), tolerance=_TOLERANCE)
         if found.residual > _TOLERANCE:
             raise StyleError(_refusal(found, " ".join(targets)))
-        if not beyond and is_far_outside(self.learner, found.latent):
-            raise StyleError(
-                f"A grain of {' '.join(targets)} lies farther out than any parent: ask for less, or let it "
-                "go there with --beyond."
-            )
         return found.latent[None]
 
 

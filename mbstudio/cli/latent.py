@@ -106,7 +106,7 @@ def latent(
     elif move:
         latents, what, recipe = work.moved(move, by or []), "moved", f"{move} moved by {' '.join(by or [])}"
     elif design:
-        latents, what, recipe = work.designed(design, beyond), "design", f"designed for {' '.join(design)}"
+        latents, what, recipe = work.designed(design), "design", f"designed for {' '.join(design)}"
     else:
         assert take is not None
         latents, what, recipe = work.taken(take), "grain", f"{', '.join(take)} rebuilt"

@@ -90,7 +90,7 @@ def test_what_it_knows(mbstudio, style):
         (("--move", "1", "--by", "colour=1"), "no meaning of the latent space"),
         (("--design", "sphericity=2"), "No body at all"),
         (("--design", "csf=0.6", "--design", "sphericity=0.99"), "most spherical body of csf 0.6 has 0.953"),
-        (("--design", "size=1000"), "farther out than any parent"),
+        (("--design", "size=1000"), "cannot give"),
         (("--blend", "box 3"), "a grain with a weight"),
         (("--blend", "box 3=1", "--take", "1"), "one of"),
         (("--take", "nothing.stl"), "no such file"),
