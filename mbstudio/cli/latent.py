@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.cli.by_hand import TABLE, ByHand
 from mbstudio.core.errors import StyleError
 
 if TYPE_CHECKING:
     import numpy as np
 
     from mbstudio.core.vae import Serialization, StyleLearner
-
-TABLE = "latents.csv"
 
 
 def latent(
@@ -32,6 +31,12 @@ def latent(
         tuple[str, str, str] | None,
         typer.Option("--add", metavar="C A B", help="C plus what makes A differ from B."),
     ] = None,
+    blend: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--blend", metavar="A=0.5", help="Weighted sum about the parents' mean; give it for each grain."
+        ),
+    ] = None,
     noise: Annotated[
         str | None, typer.Option("--noise", metavar="A", help="Variations of A; see --sigma, --count.")
     ] = None,
@@ -46,149 +51,90 @@ def latent(
         list[str] | None,
         typer.Option("--design", metavar="csf=0.6", help="A grain of this factor; may be given again."),
     ] = None,
+    take: Annotated[
+        list[str] | None,
+        typer.Option("--take", metavar="A", help="A grain as the style-learner rebuilds it; again for more."),
+    ] = None,
     steps: Annotated[int, typer.Option("--steps", min=2, help="Of --interpolate.")] = 11,
     sigma: Annotated[float, typer.Option("--sigma", min=0.0, help="Of --noise; 1 is like a parent.")] = 0.3,
     count: Annotated[int, typer.Option("--count", min=1, help="Of --noise.")] = 10,
     strength: Annotated[float, typer.Option("--strength", help="Of --add.")] = 1.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
-    unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
+    beyond: Annotated[
+        bool, typer.Option("--beyond", help="Let grains lie farther outside than any parent; hold none back.")
+    ] = False,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Length unit of the files, those of meshes given too.")
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write into a folder that holds other files too.")
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Shape grains by hand: interpolate, add, vary, move along meanings, design by factors.
+    """Shape grains by hand: interpolate, add, blend, vary, move along meanings, design by factors.
 
-    A, B and C are parents, by name or by number from 1. Meanings are size, elongation, csf, sphericity and
-    roughness. Without one of these options: what the style-learner knows.
+    A, B and C are parents, by name or by number from 1; files with a mesh or an avatar; or grains made
+    before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, elongation, csf,
+    sphericity and roughness. Without one of these options: what the style-learner knows.
     """
     from mbstudio.core.vae import load_style_learner
 
     begun = time.monotonic()
-    asked = [interpolate, add, noise, move, design or None]
+    asked = [interpolate, add, blend or None, noise, move, design or None, take or None]
     if sum(option is not None for option in asked) > 1:
-        raise StyleError("Give one of --interpolate, --add, --noise, --move and --design at a time.")
+        raise StyleError(
+            "Give one of --interpolate, --add, --blend, --noise, --move, --design and --take at a time."
+        )
     learner = load_style_learner(style)
-    work = _ByHand(learner, seed)
-    if interpolate:
-        latents, what = work.interpolated(*interpolate, steps), "steps"
-    elif add:
-        latents, what = work.added(*add, strength), "sum"
-    elif noise:
-        latents, what = work.varied(noise, sigma, count), "variation"
-    elif move:
-        latents, what = work.moved(move, by or []), "moved"
-    elif design:
-        latents, what = work.designed(design), "design"
-    else:
+    work = ByHand(learner, seed, unit)
+    if not any(asked):
         _tell_about(style, learner, work, as_json)
         return
     if folder is None:
         raise StyleError("Say where the grains are to go: -o FOLDER.")
-    recipe = _recipe(style, interpolate, add, noise, move, by, design, sigma, strength, seed)
-    _finish(learner, latents, what, folder, recipe, unit, overwrite, as_json, begun)
-
-
-def _recipe(
-    style: Path, interpolate: Any, add: Any, noise: Any, move: Any, by: Any, design: Any, sigma: float,
-    strength: float, seed: int,
-) -> str:  # fmt: skip
-    """Return how the grains were made, as it stands in their table."""
     if interpolate:
-        return f"{style.name}: from {interpolate[0]} to {interpolate[1]}"
-    if add:
-        return f"{style.name}: {add[0]} + {strength:g} ({add[1]} - {add[2]}), seed {seed}"
-    if noise:
-        return f"{style.name}: {noise} with noise of sigma {sigma:g}, seed {seed}"
-    if move:
-        return f"{style.name}: {move} moved by {' '.join(by or [])}, seed {seed}"
-    return f"{style.name}: designed for {' '.join(design)}, seed {seed}"
-
-
-class _ByHand:
-    """The operations on a style-learner's parents by name; the meanings are learned when they are needed."""
-
-    def __init__(self, learner: StyleLearner, seed: int) -> None:
-        self.learner, self._seed = learner, seed
-        self._meanings: Any = None
-
-    @property
-    def meanings(self) -> Any:
-        from mbstudio.core.vae.meaning import Meanings
-
-        if self._meanings is None:
-            self._meanings = Meanings.of(self.learner)
-        return self._meanings
-
-    def _parent(self, name: str) -> np.ndarray:
-        names = list(self.learner.parents.names)
-        if name in names:
-            return self.learner.latents[names.index(name)]
-        if name.isdigit() and 1 <= int(name) <= len(names):
-            return self.learner.latents[int(name) - 1]
-        raise StyleError(
-            f"The style-learner has no parent '{name}': give a number from 1 to {len(names)}, or a name such "
-            f"as '{names[0]}'."
-        )
-
-    def interpolated(self, first: str, second: str, steps: int) -> np.ndarray:
-        from mbstudio.core.vae.latent import morphed
-
-        return morphed(self.learner, self._parent(first), self._parent(second), steps)
-
-    def added(self, base: str, plus: str, minus: str, strength: float) -> np.ndarray:
-        from mbstudio.core.vae.latent import added
-
-        third, first, second = (self._parent(name) for name in (base, plus, minus))
-        moved = added(self.learner, third, first, second, strength, meanings=self.meanings)
-        return moved[None]
-
-    def varied(self, name: str, sigma: float, count: int) -> np.ndarray:
-        from mbstudio.core.vae.latent import noisy
-
-        return noisy(self.learner, self._parent(name), sigma, self._seed, count)
-
-    def moved(self, name: str, by: list[str]) -> np.ndarray:
-        if not by:
-            raise StyleError("Say how to move the grain: --by csf=-1, in standard deviations of the parents.")
-        return self.meanings.moved(self._parent(name), _numbers(by))[None]
-
-    def designed(self, targets: list[str]) -> np.ndarray:
-        found = self.meanings.designed(_numbers(targets))
-        if found.residual > 0.02:
-            reached = ", ".join(f"{name} {value:.4g}" for name, value in found.reached.items())
-            raise StyleError(
-                f"These parents cannot give {' '.join(targets)}: the nearest grain has {reached}."
-            )
-        return found.latent[None]
-
-
-def _numbers(words: list[str]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for word in words:
-        name, sign, value = word.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            sign = ""
-        if not sign:
-            raise StyleError(f"'{word}' is no meaning with a number: write for example csf=0.6.")
-    return found
+        latents, what = work.interpolated(*interpolate, steps), "steps"
+        recipe = f"from {interpolate[0]} to {interpolate[1]}"
+    elif add:
+        latents, what = work.added(*add, strength), "sum"
+        recipe = f"{add[0]} + {strength:g} ({add[1]} - {add[2]})"
+    elif blend:
+        latents, what, recipe = work.blended(blend), "blend", f"blend of {' '.join(blend)}"
+    elif noise:
+        latents, what = work.varied(noise, sigma, count), "variation"
+        recipe = f"{noise} with noise of sigma {sigma:g}, seed {seed}"
+    elif move:
+        latents, what, recipe = work.moved(move, by or []), "moved", f"{move} moved by {' '.join(by or [])}"
+    elif design:
+        latents, what, recipe = work.designed(design), "design", f"designed for {' '.join(design)}"
+    else:
+        assert take is not None
+        latents, what, recipe = work.taken(take), "grain", f"{', '.join(take)} rebuilt"
+    _finish(
+        learner, latents, what, folder, f"{style.name}: {recipe}", unit, overwrite, as_json, begun, beyond
+    )
 
 
 def _finish(
     learner: StyleLearner, latents: np.ndarray, what: str, folder: Path, recipe: str, unit: str | None,
-    overwrite: bool, as_json: bool, begun: float,
+    overwrite: bool, as_json: bool, begun: float, beyond: bool,
 ) -> None:  # fmt: skip
-    """Decode, check, measure and write."""
+    """Hold in the parents' range, decode, check, measure and write."""
     import numpy as np
 
     from mbstudio.core.dem import export
     from mbstudio.core.metaball.topology import topology
-    from mbstudio.core.vae.latent import is_far_outside
+    from mbstudio.core.vae.latent import clamped, is_far_outside
 
     digits = len(str(len(latents)))
     names = tuple(f"{what}_{i + 1:0{digits}d}" for i in range(len(latents)))
+    outside = [is_far_outside(learner, latent) for latent in latents]
+    if any(outside) and not beyond:
+        latents = np.stack([clamped(learner, latent) for latent in latents])
+        console.tell(
+            f"mbstudio: {', '.join(np.array(names)[outside])} would lie farther out than any parent: held "
+            "at the end of their range (--beyond lets them go)."
+        )
     grains = learner.decode(latents, names=names)
     sound = np.array([topology(avatar.control).is_sound for avatar in grains.avatars()])
     for name in np.array(names)[~sound]:
@@ -202,10 +148,10 @@ def _finish(
             grains.take(kept).avatars(), "metaball", folder, unit=unit, names=[names[i] for i in kept],
             overwrite=overwrite, progress=tell, attachments={TABLE: _csv(rows)},
         )  # fmt: skip
-    outside = [names[i] for i in kept if is_far_outside(learner, latents[i])]
     summary = {
         "grains": len(kept), "folder": str(folder), "left_out": int((~sound).sum()),
-        "far_outside_the_parents": len(outside), "seconds": round(time.monotonic() - begun, 1),
+        "far_outside_the_parents": sum(outside[i] for i in kept) if beyond else 0,
+        "held_at_their_range": 0 if beyond else sum(outside), "seconds": round(time.monotonic() - begun, 1),
     }  # fmt: skip
     shown = [{key: value for key, value in row.items() if not key.startswith("z")} for row in rows]
     if as_json:
@@ -240,7 +186,7 @@ def _csv(rows: list[dict[str, Any]]) -> str:
     return pd.DataFrame(rows).to_csv(index=False, lineterminator="\r\n")
 
 
-def _tell_about(style: Path, learner: StyleLearner, work: _ByHand, as_json: bool) -> None:
+def _tell_about(style: Path, learner: StyleLearner, work: ByHand, as_json: bool) -> None:
     import numpy as np
 
     from mbstudio.core.vae.meaning_factors import MEANINGS

@@ -12,6 +12,7 @@ from mbstudio.core.dem.metaball import read_metaball
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.vae import learn, load_style_learner
 from mbstudio.core.vae.kept_grain import measured
+from mbstudio.core.vae.latent import clamped, farthest, mean_latent
 from mbstudio.core.vae.latent_recipe import Recipe, style_digest
 from mbstudio.core.vae.meaning_factors import meaning_factors
 from tests.core.vae.boxes import boxes
@@ -87,9 +88,14 @@ def test_what_it_knows(mbstudio, style):
         (("--noise", "box 99"), "no parent 'box 99'"),
         (("--noise", "1", "--move", "2"), "one of"),
         (("--move", "1"), "--by"),
-        (("--move", "1", "--by", "csf"), "no meaning with a number"),
+        (("--move", "1", "--by", "csf"), "not a meaning with a number"),
         (("--move", "1", "--by", "colour=1"), "no meaning of the latent space"),
-        (("--design", "sphericity=2"), "cannot give"),
+        (("--design", "sphericity=2"), "No body at all"),
+        (("--design", "csf=0.6", "--design", "sphericity=0.99"), "most spherical body of csf 0.6 has 0.953"),
+        (("--design", "size=1000"), "cannot give"),
+        (("--blend", "box 3"), "a grain with a weight"),
+        (("--blend", "box 3=1", "--take", "1"), "one of"),
+        (("--take", "nothing.stl"), "no such file"),
     ],
 )
 def test_bad_calls_say_one_line_and_write_nothing(mbstudio, style, tmp_path, arguments, words):
@@ -97,6 +103,84 @@ def test_bad_calls_say_one_line_and_write_nothing(mbstudio, style, tmp_path, arg
     assert ran.code == 1
     assert words in ran.err
     assert not (tmp_path / "out").exists()
+
+
+def test_grains_made_before_are_taken_up_again(mbstudio, style, tmp_path):
+    """From the table of an earlier run, from kept grains of the window, from an avatar and from a mesh."""
+    learner = load_style_learner(style)
+    ran = mbstudio("latent", style, "--take", "box 3", "-o", tmp_path / "a")
+    assert ran.code == 0, ran.err
+    recipe = Recipe("kept 1", tuple(learner.latents[5].tolist()), (), style_digest(learner))
+    kept = tmp_path / "recipes.json"
+    kept.write_text(json.dumps([recipe.as_record()]), encoding="utf-8")
+    learner.parents.avatar(3).mesh(48).export(tmp_path / "box.stl")
+    sources = (
+        f"{tmp_path / 'a' / 'latents.csv'}:grain_1", f"{kept}:kept 1", tmp_path / "a" / "grain_1.json",
+        tmp_path / "box.stl",
+    )  # fmt: skip
+    taken = [part for source in sources for part in ("--take", source)]
+    ran = mbstudio("latent", style, *taken, "-o", tmp_path / "b")
+    assert ran.code == 0, ran.err
+    table = pd.read_csv(tmp_path / "b" / "latents.csv")
+    latents = table.filter(regex=r"^z\d+$").to_numpy()
+    np.testing.assert_allclose(latents[:2], learner.latents[[3, 5]], rtol=1e-9)
+    known = meaning_factors(learner.parents.take([3]))[0]
+    np.testing.assert_allclose(table["sphericity"].iloc[[2, 3]], known[3], rtol=0.01)
+    np.testing.assert_allclose(table["dn_mm"].iloc[[2, 3]], np.exp(known[0]), rtol=0.01)
+
+
+def test_a_blend_of_one_grain_is_the_grain_and_of_none_the_mean(mbstudio, style, tmp_path):
+    learner = load_style_learner(style)
+    for weight, wanted in ((1, learner.latents[3]), (0, mean_latent(learner))):
+        folder = tmp_path / str(weight)
+        ran = mbstudio("latent", style, "--blend", f"box 3={weight}", "-o", folder)
+        assert ran.code == 0, ran.err
+        found = pd.read_csv(folder / "latents.csv").filter(regex=r"^z\d+$").to_numpy()[0]
+        np.testing.assert_allclose(found, wanted, atol=1e-9)
+
+
+def test_what_lies_far_outside_is_held_unless_it_may(mbstudio, style, tmp_path):
+    learner = load_style_learner(style)
+    limit = mean_latent(learner) + farthest(learner)
+    far = np.clip(5 * learner.latents[3], -limit, limit) * 1.2
+    table = pd.DataFrame([{"name": "far", **{f"z{k + 1}": value for k, value in enumerate(far)}}])
+    table.to_csv(tmp_path / "latents.csv", index=False)
+    take = ("--take", f"{tmp_path / 'latents.csv'}:far", "--json", "-o")
+    ran = mbstudio("latent", style, *take, tmp_path / "held")
+    assert ran.code == 0, ran.err
+    assert "farther out than any parent" in ran.err
+    assert json.loads(ran.out)["held_at_their_range"] == 1
+    held = pd.read_csv(tmp_path / "held" / "latents.csv").filter(regex=r"^z\d+$").to_numpy()[0]
+    np.testing.assert_allclose(held, clamped(learner, far))
+    ran = mbstudio("latent", style, *take, tmp_path / "free", "--beyond")
+    if ran.code == 0:
+        assert json.loads(ran.out)["far_outside_the_parents"] == 1
+    else:
+        assert "None of these grains is a valid body" in ran.err
+
+
+def test_a_step_that_falls_short_says_so(mbstudio, style, tmp_path):
+    ran = mbstudio("latent", style, "--move", 3, "--by", "csf=40", "-o", tmp_path / "a")
+    assert ran.code == 0, ran.err
+    assert "of +40 s.d." in ran.err
+
+
+def test_latents_of_another_size_are_refused(mbstudio, style, tmp_path):
+    path = tmp_path / "latents.csv"
+    pd.DataFrame([{"name": "a", "z1": 0.1, "z2": 0.2}]).to_csv(path, index=False)
+    ran = mbstudio("latent", style, "--take", f"{path}:a", "-o", tmp_path / "out")
+    assert ran.code == 1
+    assert "latent vectors of 2 numbers" in ran.err
+    ran = mbstudio("latent", style, "--take", f"{path}:b", "-o", tmp_path / "out")
+    assert ran.code == 1
+    assert "no latent vector of 'b'" in ran.err
+    recipe = Recipe("kept 1", tuple(load_style_learner(style).latents[5].tolist()), (), "0" * 16)
+    kept = tmp_path / "recipes.json"
+    kept.write_text(json.dumps([recipe.as_record()]), encoding="utf-8")
+    for name, words in (("kept 1", "another style-learner"), ("kept 2", "it holds kept 1")):
+        ran = mbstudio("latent", style, "--take", f"{kept}:{name}", "-o", tmp_path / "out")
+        assert ran.code == 1
+        assert words in ran.err
 
 
 def test_an_output_folder_is_needed(mbstudio, style):

@@ -22,6 +22,9 @@ _STALE = 1.0
 """Deviations of the latents after which the decoder is differentiated anew."""
 _CLOSELY = 4
 """Rounds from which on the decoder is differentiated where the grain is: of a network, some milliseconds."""
+_INSIDE, _WALL = 0.97, 0.02
+"""Share of the way to its farthest place that a latent may go, and by how many standard deviations it may
+pass that at the price of a missed factor."""
 _SHORTEST = 0.1
 """Share of a step below which it is given up."""
 _GAIN = 1e-3
@@ -59,6 +62,8 @@ class FactorSearch:
         Mean of the parents' latents in all their flips.
     covariance : float array, shape (d, d)
         Theirs about it: directions in which they differ more are the cheaper to go.
+    farthest : float array, shape (d,)
+        How far each latent may lie from the centre; a start that lies farther out already is drawn in.
     """
 
     learner: StyleLearner
@@ -66,6 +71,7 @@ class FactorSearch:
     deviation: Float[np.ndarray, "5"]
     centre: Float[np.ndarray, " d"]
     covariance: Float[np.ndarray, "d d"]
+    farthest: Float[np.ndarray, " d"]
 
     def place(self, latent: Float[np.ndarray, " d"]) -> Place:
         """Return a latent vector with the factors of its grain and their derivatives."""
@@ -106,17 +112,18 @@ class FactorSearch:
             aim = goal if last else begun + (goal - begun) * (turn + 1) / parts
             if not quick and np.linalg.norm(away - differentiated) > _STALE:
                 differentiated, decoder = away, self._decoder_slopes(here.latent)
-            missed = (here.units[asked] - aim) / slack
+            walls, beyond = self._walls(here.latent)
+            missed = np.concatenate([(here.units[asked] - aim) / slack, beyond])
             before = missed @ missed + price * away @ away
-            slopes = here.slopes[asked] @ decoder / slack[:, None]
+            slopes = np.concatenate([here.slopes[asked] @ decoder / slack[:, None], walls])
             wanted = slopes.T @ np.linalg.solve(
-                slopes @ slopes.T + price * np.eye(len(slack)), slopes @ away - missed
+                slopes @ slopes.T + price * np.eye(len(missed)), slopes @ away - missed
             )
             share, gain = 1.0, 0.0
             while gain <= 0.0 and share > _SHORTEST:
                 to = away + share * (wanted - away)
                 trial = self.place(start.latent + self._root @ to)
-                missed = (trial.units[asked] - aim) / slack
+                missed = np.concatenate([(trial.units[asked] - aim) / slack, self._walls(trial.latent)[1]])
                 cost = missed @ missed + price * to @ to
                 gain, share = before - cost if np.isfinite(cost) else 0.0, 0.5 * share
             if gain > 0.0:
@@ -125,7 +132,20 @@ class FactorSearch:
                 if quick or differentiated is away:
                     break
                 differentiated, decoder = away, self._decoder_slopes(here.latent)
-        return here
+        inside = np.clip(here.latent, self.centre - self.farthest, self.centre + self.farthest)
+        return here if np.array_equal(inside, here.latent) else self.place(inside)
+
+    def _walls(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how much latents lie too far out, in thicknesses of the wall, and the slopes of that."""
+        out = latent - self.centre
+        over = (np.abs(out) - _INSIDE * self.farthest) / self._thickness
+        at = np.flatnonzero(over > 0.0)
+        return self._root[at] * (np.sign(out[at]) / self._thickness[at])[:, None], over[at]
+
+    @cached_property
+    def _thickness(self) -> Float64[np.ndarray, " d"]:
+        spread = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
+        return np.asarray(_WALL * np.where(spread > 0, spread, 1.0))
 
     @cached_property
     def _root(self) -> Float64[np.ndarray, "d rank"]:

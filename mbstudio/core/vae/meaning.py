@@ -17,7 +17,7 @@ from jaxtyping import Float, Float64
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.factor_search import FactorSearch, Place
 from mbstudio.core.vae.form_bound import FLATTEST, highest_sphericity
-from mbstudio.core.vae.latent import checked_latent
+from mbstudio.core.vae.latent import checked_latent, farthest
 from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
 from mbstudio.core.vae.sampling import flip_moments
 from mbstudio.core.vae.serialization import Serialization
@@ -113,7 +113,8 @@ class Meanings:
         signs = self.learner.signs
         signs = np.ones((8, self.learner.dimension)) if signs is None else signs
         centre, covariance = flip_moments(self.learner.latents, signs)
-        return FactorSearch(self.learner, self.mean, self.deviation, centre, covariance)
+        most = farthest(self.learner)
+        return FactorSearch(self.learner, self.mean, self.deviation, centre, covariance, most)
 
     def factors(self, latents: Float[np.ndarray, "grains d"]) -> Float64[np.ndarray, "grains 5"]:
         """Return the factors of `MEANINGS` of decoded latent vectors."""

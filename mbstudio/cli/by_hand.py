@@ -1,0 +1,198 @@
+"""The operations of ``mbstudio latent``, on grains as people name them."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbstudio.cli import console, inputs
+from mbstudio.core.errors import StyleError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from mbstudio.core.vae import StyleLearner
+    from mbstudio.core.vae.meaning import Design, Meanings
+
+TABLE = "latents.csv"
+_TOLERANCE = 0.02
+_MISSED = 0.1
+"""Standard deviations that a step may fall short of what was asked before that is told."""
+
+
+class ByHand:
+    """The operations on latent vectors; meanings are measured when they are needed.
+
+    Grains are named in one of these ways: a parent by its name or its number from 1; a file with a mesh
+    or an avatar, which is projected into the latent space; ``latents.csv:NAME`` and ``recipes.json:NAME``,
+    a grain that was made by hand before.
+    """
+
+    def __init__(self, learner: StyleLearner, seed: int, unit: str | None) -> None:
+        self.learner, self._seed, self._unit = learner, seed, unit
+
+    @cached_property
+    def meanings(self) -> Meanings:
+        """The meaning directions of the learner."""
+        from mbstudio.core.vae.meaning import Meanings
+
+        return Meanings.of(self.learner)
+
+    def latent(self, name: str) -> np.ndarray:
+        """Return the latent vector of a grain."""
+        names = list(self.learner.parents.names)
+        if name in names:
+            return self.learner.latents[names.index(name)]
+        if name.isdigit() and 1 <= int(name) <= len(names):
+            return self.learner.latents[int(name) - 1]
+        file, _, grain = name.rpartition(":")
+        if grain and Path(file).name == TABLE:
+            return self._of_table(Path(file), grain)
+        if grain and Path(file).suffix.lower() == ".json":
+            return self._of_recipe(Path(file), grain)
+        if Path(name).is_file():
+            return self._of_file(Path(name))
+        raise StyleError(
+            f"The style-learner has no parent '{name}', and there is no such file: give a number from 1 to "
+            f"{len(names)}, a name such as '{names[0]}', or a mesh or avatar."
+        )
+
+    def _of_file(self, path: Path) -> np.ndarray:
+        from mbstudio.core.dem.metaball import read_metaball
+        from mbstudio.core.vae.latent import projected
+        from mbstudio.core.vae.mesh_folder import read_mesh
+
+        if not inputs.is_mesh(path):
+            return projected(self.learner, [read_metaball(path)])[0]
+        mesh = read_mesh(path)
+        mesh.units, mesh.metadata["name"] = self._unit or self.learner.unit, path.stem
+        return projected(self.learner, [mesh])[0]
+
+    def _of_table(self, path: Path, name: str) -> np.ndarray:
+        import pandas as pd
+
+        try:
+            table = pd.read_csv(path, dtype={"name": str}).set_index("name")
+            vector = table.filter(regex=r"^z\d+$").loc[name].to_numpy(dtype=float)
+        except (OSError, KeyError, ValueError) as error:
+            raise StyleError(
+                f"{path} tells no latent vector of '{name}' ({error}): give a grain of its column 'name'."
+            ) from error
+        return self._of_this_size(path, vector)
+
+    def _of_recipe(self, path: Path, name: str) -> np.ndarray:
+        from mbstudio.core.vae.latent_recipe import recipe_of, style_digest
+
+        try:
+            records = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise StyleError(f"{path} cannot be read as recipes ({error}).") from error
+        recipes = [recipe_of(record) for record in (records if isinstance(records, list) else [])]
+        found = next((recipe for recipe in recipes if recipe.name == name), None)
+        if found is None:
+            known = ", ".join(recipe.name for recipe in recipes) or "none"
+            raise StyleError(f"{path} holds no recipe '{name}': it holds {known}.")
+        vector = self._of_this_size(path, found.vector)
+        if found.style and found.style != style_digest(self.learner):
+            raise StyleError(f"{name} in {path} was made with another style-learner: give that one.")
+        return vector
+
+    def _of_this_size(self, path: Path, vector: np.ndarray) -> np.ndarray:
+        if vector.shape != (self.learner.dimension,):
+            raise StyleError(
+                f"{path} holds latent vectors of {vector.size} numbers, this style-learner has "
+                f"{self.learner.dimension}: give the style-learner that they were made with."
+            )
+        return vector
+
+    # ---- the operations ----------------------------------------------------------------------------
+
+    def taken(self, names: list[str]) -> np.ndarray:
+        """Return grains as they are."""
+        import numpy as np
+
+        return np.stack([self.latent(name) for name in names])
+
+    def interpolated(self, first: str, second: str, steps: int) -> np.ndarray:
+        """Return a morph."""
+        from mbstudio.core.vae.latent import morphed
+
+        return morphed(self.learner, self.latent(first), self.latent(second), steps)
+
+    def added(self, base: str, plus: str, minus: str, strength: float) -> np.ndarray:
+        """Return a grain with what makes one differ from another."""
+        from mbstudio.core.vae.latent import added
+
+        third, first, second = (self.latent(name) for name in (base, plus, minus))
+        return added(self.learner, third, first, second, strength, meanings=self.meanings)[None]
+
+    def blended(self, parts: list[str]) -> np.ndarray:
+        """Return a weighted sum of grains, each as NAME=WEIGHT."""
+        from mbstudio.core.vae.latent import blended
+
+        weights = [_number(part, "a grain with a weight: write for example 12=0.5") for part in parts]
+        return blended(self.learner, self.taken([name for name, _ in weights]), [w for _, w in weights])[None]
+
+    def varied(self, name: str, sigma: float, count: int) -> np.ndarray:
+        """Return variations of a grain."""
+        from mbstudio.core.vae.latent import noisy
+
+        return noisy(self.learner, self.latent(name), sigma, self._seed, count)
+
+    def moved(self, name: str, by: list[str]) -> np.ndarray:
+        """Return a grain moved along meanings; tell where it could not follow."""
+        import numpy as np
+
+        from mbstudio.core.vae.meaning_factors import MEANINGS
+
+        if not by:
+            raise StyleError("Say how to move the grain: --by csf=-1, in standard deviations of the parents.")
+        here, steps = self.latent(name), numbers(by)
+        moved = self.meanings.moved(here, steps)
+        before, after = self.meanings.units(self.meanings.factors(np.stack([here, moved])))
+        for meaning, step in steps.items():
+            went = float((after - before)[MEANINGS.index(meaning)])
+            if abs(went - step) > _MISSED * max(1.0, abs(step)):
+                console.tell(
+                    f"mbstudio: {meaning} moves by {went:+.2f} of {step:+g} s.d.: the parents' "
+                    "range ends there, or the other factors cannot be held farther on."
+                )
+        return moved[None]
+
+    def designed(self, targets: list[str]) -> np.ndarray:
+        """Return a grain of given factors."""
+        found = self.meanings.designed(numbers(targets), tolerance=_TOLERANCE)
+        if found.residual > _TOLERANCE:
+            raise StyleError(_refusal(found, " ".join(targets)))
+        return found.latent[None]
+
+
+def _refusal(found: Design, targets: str) -> str:
+    from mbstudio.core.vae.form_bound import FLATTEST, highest_sphericity
+
+    reached = ", ".join(f"{name} {value:.4g}" for name, value in found.reached.items())
+    if not found.is_possible(_TOLERANCE):
+        csf = found.targets.get("csf", 1.0)
+        why = "ratios are 1 at most"
+        if FLATTEST <= csf <= 1.0:
+            why = f"the most spherical body of csf {csf:g} has {highest_sphericity(csf):.3f}"
+        return f"No body at all has {targets}: {why}. The nearest grain of these parents has {reached}."
+    return f"These parents cannot give {targets}: the nearest grain has {reached}."
+
+
+def numbers(words: list[str]) -> dict[str, float]:
+    """Return NAME=NUMBER as a mapping."""
+    return dict(_number(word, "a meaning with a number: write for example csf=0.6") for word in words)
+
+
+def _number(word: str, wanted: str) -> tuple[str, float]:
+    name, sign, value = word.rpartition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        sign = ""
+    if not sign:
+        raise StyleError(f"'{word}' is not {wanted}.")
+    return name.strip(), number
