@@ -27,6 +27,7 @@ import hashlib
 import importlib.util
 import json
 import os
+import platform
 import secrets
 import shlex
 import shutil
@@ -96,6 +97,11 @@ TEST_NEEDS = (
     Need("liggghts", "liggghts", optional=True),
     Need("lmp", "lammps", optional=True),
 )
+# DEM engines that the tests run, by the programs above and by the packages of the extra `test`.
+ENGINE_PROGRAMS = {"LIGGGHTS": "liggghts", "LAMMPS": "lmp"}
+ENGINE_PACKAGES = {"Kratos": (3, 14), "peclet-dem": (3, 14)}  # and the last Python that has them
+EXPECTED_ENGINES = "MBSTUDIO_EXPECTED_ENGINES"
+OTHER_PYTHON = "MBSTUDIO_ENGINES_PYTHON"
 
 
 def is_present(name: str) -> bool:
@@ -109,6 +115,15 @@ def is_present(name: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def engines_of_set_up(present: Callable[[str], bool] = is_present) -> list[str]:
+    """Return the DEM engines that the set-up has brought or found: their tests must not be skipped."""
+    engines = [name for name, program in ENGINE_PROGRAMS.items() if present(program)]
+    fitting = sys.platform == "linux" and platform.machine() == "x86_64"
+    if fitting and not os.environ.get(OTHER_PYTHON):
+        engines += [name for name, last in ENGINE_PACKAGES.items() if sys.version_info[:2] <= last]
+    return engines
 
 
 def missing_needs(needs: Sequence[Need], present: Callable[[str], bool] = is_present) -> list[Need]:
@@ -356,6 +371,7 @@ def main(arguments: Sequence[str]) -> int:
     command = command_of(list(arguments), python)
     if is_test:
         os.chdir(ROOT)
+        os.environ[EXPECTED_ENGINES] = ",".join(engines_of_set_up())
     if os.name == "nt":
         return subprocess.run(command).returncode
     sys.stdout.flush()

@@ -1,14 +1,22 @@
-"""How much of a grain avatars cover, and clumps of as many spheres; prints a Markdown table.
+"""Sphere clumps of mbstudio's export against those of two packages; prints Markdown tables.
 
-Usage: python benchmarks/clumps.py [--quick] [--n 10 40 100] [--grains 3] [--python PYTHON]
+Usage: python benchmarks/clumps.py [--n 10 40 100] [--python PYTHON]
+       python benchmarks/clumps.py --avatars [--quick] [--grains 3] [--python PYTHON]
 
 Needs the packages multisphere and clump-python, which mbstudio itself does not use: install the
 extra `benchmark`, or give with --python the interpreter of an environment that holds them. They
-run in a process of their own. IoU is the volume of the intersection over that of the union,
-counted on the voxels of the grain. In favour of the clumps, each is moved by up to two voxels to
-where its IoU is best, and of each package the best of several settings counts: `multisphere`
+run in a process of their own. Of each package the best of several settings counts: `multisphere`
 with least distances of centres of 2 and 4 voxels, without smallest radius; `CLUMP` (Euclidean
 map) with overlaps of 0, 0.4, 0.6 and 0.8. `ours` is the sphere clump of mbstudio's export.
+
+The first form takes 20 real grains of ../shared/data. All three methods get the same body, the avatar
+of the grain: ours as its control points, `multisphere` as voxels (100 along the longest side), `CLUMP`
+as a mesh. All are judged by one count on voxels (150 along the longest side) with the centres of mass
+laid together: IoU (intersection over union), error of the volume, and error of the inertia tensor at
+equal mass (Frobenius norms). For each figure by itself the best setting of a package counts.
+
+The second form says how much of a grain avatars cover, and clumps of as many spheres, on synthetic
+grains. In favour of the clumps, each is moved by up to two voxels to where its IoU is best.
 """
 
 from __future__ import annotations
@@ -25,14 +33,19 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+import trimesh
 from grain_kinds import KnownGrain, synthetic
 
-from mbstudio.core.dem.clump import sphere_clump
+from mbstudio.core.dem.clump import Clump, sphere_clump
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
 from mbstudio.core.metaball import Avatar
 
 PAD = 6
+DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
+REAL = (("aggregates", "mm", 4, 12), ("cement", "um", 4, 6), ("stones", "mm", 1, 2))
+"""Folder, unit, every how manieth file, and how many grains of each kind."""
+FIGURES = ("IoU", "volume", "inertia")
 
 # Runs in the environment of the clump packages: voxels and mesh in, spheres of every method out.
 WORK = """
@@ -76,8 +89,15 @@ def clumps_of_others(grain: Grain, numbers: list[int], python: str) -> dict[str,
     mesh = grain.surface_mesh().copy()
     mesh.apply_translation(-np.asarray(grain.origin))
     mesh.apply_scale(1 / grain.voxel_size.xyz[0])
+    return spheres_of_others(np.asarray(grain.mask), mesh, numbers, python)
+
+
+def spheres_of_others(
+    mask: np.ndarray, mesh: trimesh.Trimesh, numbers: list[int], python: str
+) -> dict[str, np.ndarray]:
+    """Return the same of a mask [z, y, x] and the mesh of the same body, both in voxels."""
     with tempfile.TemporaryDirectory() as folder:
-        np.save(Path(folder) / "mask.npy", np.pad(np.asarray(grain.mask), 2).transpose(2, 1, 0))
+        np.save(Path(folder) / "mask.npy", np.pad(mask, 2).transpose(2, 1, 0))
         mesh.export(Path(folder) / "grain.stl")
         subprocess.run(
             [python, "-W", "ignore", "-c", WORK, folder, *map(str, numbers)],
@@ -96,13 +116,17 @@ def sphere_iou(mask: np.ndarray, spheres: np.ndarray, shift: np.ndarray | None =
     """Return the IoU of a padded mask [z, y, x] and spheres in voxels of the mask without padding."""
     covered = np.zeros(mask.shape, dtype=bool)
     for x, y, z, r in spheres + (0 if shift is None else np.append(shift, 0.0)):
-        place = np.array([z, y, x]) + PAD
-        low = np.clip(np.floor(place - r).astype(int), 0, mask.shape)
-        high = np.clip(np.ceil(place + r).astype(int) + 1, 0, mask.shape)
-        axes = [(np.arange(a, b) - c) ** 2 for a, b, c in zip(low, high, place, strict=True)]
-        inside = axes[0][:, None, None] + axes[1][:, None] + axes[2] <= r * r
-        covered[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] |= inside
+        paint(covered, np.array([z, y, x]) + PAD, r)
     return float((covered & mask).sum() / (covered | mask).sum())
+
+
+def paint(covered: np.ndarray, place: np.ndarray, radius: float) -> None:
+    """Cover the voxels [z, y, x] of a sphere."""
+    low = np.clip(np.floor(place - radius).astype(int), 0, covered.shape)
+    high = np.clip(np.ceil(place + radius).astype(int) + 1, 0, covered.shape)
+    axes = [(np.arange(a, b) - c) ** 2 for a, b, c in zip(low, high, place, strict=True)]
+    inside = axes[0][:, None, None] + axes[1][:, None] + axes[2] <= radius**2
+    covered[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] |= inside
 
 
 def best_sphere_iou(mask: np.ndarray, spheres: np.ndarray) -> float:
@@ -149,6 +173,141 @@ def compare(known: KnownGrain, numbers: list[int], python: str) -> list[dict[str
     return rows
 
 
+# ---- real grains ---------------------------------------------------------------------------------
+
+
+def real_grains() -> list[tuple[str, Grain]]:
+    """Return 20 real grains by name, as voxels."""
+    found = []
+    for folder, unit, every, count in REAL:
+        closed = [
+            (path, mesh)
+            for path in sorted((DATA / folder).glob("*.ply"))[::every]
+            if (mesh := trimesh.load(path)).is_watertight
+        ]
+        for path, mesh in closed[:count]:
+            found.append((path.stem, Grain.from_mesh(mesh, 100, unit)))
+    return found
+
+
+class Judge:
+    """Voxels of an avatar in the frame of the judging: the unit is a voxel of 100 along the longest side."""
+
+    def __init__(self, avatar: Avatar) -> None:
+        low, high = avatar.bounds()
+        self.origin, self.voxel = low, float((high - low).max()) / 100
+        self.avatar = avatar
+        self.mask = self._inside(1.0)
+        self.step = 100 / 150
+        self.fine = self._inside(self.step, margin=12)
+        self.low = -12 * self.step
+
+    def _inside(self, step: float, margin: int = 0) -> np.ndarray:
+        """Return whether the middles of voxels [z, y, x] of so many hundredths lie inside."""
+        low, high = self.avatar.bounds()
+        counts = np.ceil((high - low) / (step * self.voxel)).astype(int) + 1 + 2 * margin
+        axes = [
+            start + self.voxel * step * (np.arange(n) - margin) for start, n in zip(low, counts, strict=True)
+        ]
+        inside = np.empty(counts[::-1], dtype=bool)
+        for layer, z in enumerate(axes[2]):
+            y, x = np.meshgrid(axes[1], axes[0], indexing="ij")
+            points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
+            inside[layer] = self.avatar.contains(points).reshape(x.shape)
+        return inside
+
+    def mesh(self) -> trimesh.Trimesh:
+        """Return the avatar's surface in voxels."""
+        mesh = self.avatar.mesh(cells=100).copy()
+        mesh.apply_translation(-self.origin)
+        mesh.apply_scale(1 / self.voxel)
+        return mesh
+
+    def rows(self, clump: Clump) -> np.ndarray:
+        """Return x, y, z, r of a clump in voxels."""
+        return np.column_stack([(clump.centers - self.origin) / self.voxel, clump.radii / self.voxel])
+
+    def figures(self, spheres: np.ndarray) -> dict[str, float]:
+        """Return IoU, error of volume and error of inertia of spheres in voxels."""
+        volume, center, tensor = solid_moments(self.fine)
+        ours, middle, _ = solid_moments(self._painted(spheres))
+        shift = np.append((center - middle) * self.step, 0.0)
+        covered = self._painted(spheres + shift)
+        ours, _, own = solid_moments(covered)
+        return {
+            "IoU": float((covered & self.fine).sum() / (covered | self.fine).sum()),
+            "volume": abs(ours / volume - 1),
+            "inertia": float(np.linalg.norm(own / ours - tensor / volume) / np.linalg.norm(tensor / volume)),
+        }
+
+    def _painted(self, spheres: np.ndarray) -> np.ndarray:
+        covered = np.zeros(self.fine.shape, dtype=bool)
+        for x, y, z, r in (spheres - np.array([self.low] * 3 + [0.0])) / self.step:
+            paint(covered, np.array([z, y, x]), r)
+        return covered
+
+
+def solid_moments(mask: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return volume, centre (x, y, z) and inertia tensor about it of voxels [z, y, x] of edge 1."""
+    places = np.argwhere(mask)[:, ::-1].astype(float)
+    center = places.mean(axis=0)
+    second = (places - center).T @ (places - center)
+    return float(len(places)), center, np.trace(second) * np.eye(3) - second
+
+
+def compare_real(grain: Grain, numbers: list[int], python: str) -> list[dict[str, dict[str, float]]]:
+    """Return the figures of each method, for each number of spheres."""
+    judge = Judge(fit(grain, 120).avatar)
+    others = spheres_of_others(judge.mask, judge.mesh(), numbers, python)
+    rows = []
+    for n in numbers:
+        row = {"ours": judge.figures(judge.rows(sphere_clump(judge.avatar, n)))}
+        for method in ("multisphere", "CLUMP"):
+            keys = [key for key in others if key.startswith(method) and key.endswith(f"|{n}")]
+            found = [judge.figures(others[key]) for key in keys]
+            row[method] = {
+                name: (max if name == "IoU" else min)(one[name] for one in found) for name in FIGURES
+            }
+        rows.append(row)
+    return rows
+
+
+def print_real(numbers: list[int], python: str) -> None:
+    """Print the comparison on real grains: a row for each grain and number, and the medians."""
+    print(
+        "### Clumps fitted to the avatars of 20 real grains\n\n"
+        "| grain | spheres | IoU: ours | multisphere | CLUMP | volume error %: ours | multisphere | CLUMP "
+        "| inertia error %: ours | multisphere | CLUMP | ahead in all |\n" + "|---" * 12 + "|"
+    )
+    table: dict[int, list[dict[str, dict[str, float]]]] = {n: [] for n in numbers}
+    for name, grain in real_grains():
+        for n, row in zip(numbers, compare_real(grain, numbers, python), strict=True):
+            table[n].append(row)
+            print(f"| {name} | {n} | {told(row)} | {'yes' if is_ahead(row) else 'NO'} |", flush=True)
+    for n, rows in table.items():
+        medians = {
+            method: {name: float(np.median([row[method][name] for row in rows])) for name in FIGURES}
+            for method in rows[0]
+        }
+        print(f"| **median** | {n} | {told(medians)} | {sum(map(is_ahead, rows))} of {len(rows)} |")
+
+
+def told(row: dict[str, dict[str, float]]) -> str:
+    cells = [f"{row[method]['IoU']:.4f}" for method in row]
+    cells += [f"{100 * row[method][name]:.2f}" for name in FIGURES[1:] for method in row]
+    return " | ".join(cells)
+
+
+def is_ahead(row: dict[str, dict[str, float]]) -> bool:
+    """Return whether ours is ahead of both packages in all figures."""
+    ours = row["ours"]
+    return all(
+        ours["IoU"] > other["IoU"] and all(ours[name] < other[name] for name in FIGURES[1:])
+        for method, other in row.items()
+        if method != "ours"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -158,7 +317,11 @@ def main() -> None:
     parser.add_argument("--side", type=int, default=100, help="voxels across")
     parser.add_argument("--grains", type=int, default=3, help="of each kind")
     parser.add_argument("--python", default=sys.executable, help="interpreter that has the clump packages")
+    parser.add_argument("--avatars", action="store_true", help="avatars and clumps, on synthetic grains")
     chosen = parser.parse_args()
+    if not chosen.avatars:
+        print_real(chosen.n, chosen.python)
+        return
     grains = synthetic(chosen.side, 1 if chosen.quick else chosen.grains)
     fit(grains[0].grain, 10)  # compile
     print(

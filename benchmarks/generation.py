@@ -4,7 +4,7 @@ Prints Markdown tables. The parents are those of benchmarks/parents.py, made fir
 cache. Errors are those of exactly measured clones against the exactly measured avatars of their parents.
 
 Run: ``OMP_NUM_THREADS=1 python benchmarks/generation.py --cache FOLDER [SET ...] [--presets aligned pca]
-[--seeds 3] [--share 1.0] [--paper-steps 20000] [--processes 1]``.
+[--seeds 3] [--share 1.0] [--paper-steps 20000] [--processes 1] [--held-out | --learn-on]``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from mbstudio.core.populations import PAPER_FACTORS, Population
 from mbstudio.core.vae import Serialization, StyleLearner, learn
 from mbstudio.core.vae.generation import Generation
 from mbstudio.core.vae.generator import generate
+from mbstudio.core.vae.learning_on import learn_on
 from mbstudio.core.vae.quality import PAPER_ERRORS, Quality, ahead_of_paper, assess
+from mbstudio.core.vae.radii import surface_rms
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ AIMS = {
 }
 REPORTED = tuple(name for name in AIMS if not name.endswith("_tuning"))
 MOST_COPIES = 0.005
+ADDED = 50
 MOST_SECONDS = 60.0
 LENGTH_UNITS = (1.0, 100.0, 10000.0)
 
@@ -259,6 +262,51 @@ def print_held_out(names: Sequence[str], chosen: argparse.Namespace) -> None:
             )
 
 
+def print_learning_on(names: Sequence[str], chosen: argparse.Namespace) -> None:
+    """Print what learning on gives: fifty parents added to those learned, the old ones not forgotten."""
+    print(
+        f"\n| parents | preset | learned on | CPU s | old ones, rms % of D_n: before | after "
+        f"| new ones: before | after |\n{'|---' * 8}|"
+    )
+    for name in names:
+        parents, _ = valid_parents(load_parents(chosen.cache, name))
+        added = min(ADDED, len(parents) // 5)
+        for preset, options, words in _kinds(chosen):
+            found = [
+                learning_on(parents, preset, added, seed, options)
+                for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds)
+            ]
+            print(
+                f"| {name} | {words} | {len(parents) - added} + {added} | "
+                + " | ".join(
+                    cells(column, 0 if place == 0 else 2)
+                    for place, column in enumerate(zip(*found, strict=True))
+                )
+                + " |",
+                flush=True,
+            )
+
+
+def learning_on(
+    parents: Serialization, preset: str, added: int, seed: int, options: dict[str, Any]
+) -> tuple[float, float, float, float, float]:
+    """Learn on by some parents; return CPU seconds and errors: old before and after, new before and after."""
+    order = np.random.default_rng([seed, 77]).permutation(len(parents))
+    old, new = parents.take(order[added:]), parents.take(order[:added])
+    learner = learn(old, preset, seed=seed, **options)  # type: ignore[arg-type]
+
+    def error(one: StyleLearner, some: Serialization) -> float:
+        return 100 * float(surface_rms(some, one.decode(one.encode(some)[:, : one.core])).mean())
+
+    start = time.process_time()
+    training = learn_on(learner, new, seed=seed)
+    for _ in training:
+        pass
+    after = training.result()
+    spent = time.process_time() - start
+    return spent, error(learner, old), error(after, old), error(learner, new), error(after, new)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -275,13 +323,14 @@ def main() -> None:
     parser.add_argument("--length-units", type=float, nargs="+", default=list(LENGTH_UNITS))
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--held-out", action="store_true", help="Only the errors of parents held out.")
+    parser.add_argument("--learn-on", action="store_true", help="Only what learning on gives.")
     chosen = parser.parse_args()
     for name in chosen.sets:
         if name not in AIMS:
             parser.error(f"'{name}' is not known: use {', '.join(AIMS)}.")
         make_parents(name, chosen.cache, 40)
-    if chosen.held_out:
-        print_held_out(chosen.sets, chosen)
+    if chosen.held_out or chosen.learn_on:
+        (print_held_out if chosen.held_out else print_learning_on)(chosen.sets, chosen)
         return
     for name in chosen.sets:
         print_set(name, chosen)

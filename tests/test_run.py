@@ -343,6 +343,38 @@ def test_arguments_go_to_the_program(run, monkeypatch):
     assert run.command_of([], python)[2:] == ["mbstudio", "tour", "--out", "tour/"]
 
 
+def test_engines_of_the_set_up_are_those_it_brings(run, monkeypatch):
+    monkeypatch.delenv(run.OTHER_PYTHON, raising=False)
+    monkeypatch.setattr(run.sys, "platform", "linux")
+    monkeypatch.setattr(run.platform, "machine", lambda: "x86_64")
+    assert run.engines_of_set_up(lambda program: True) == ["LIGGGHTS", "LAMMPS", "Kratos", "peclet-dem"]
+    assert run.engines_of_set_up(lambda program: program == "lmp") == ["LAMMPS", "Kratos", "peclet-dem"]
+    monkeypatch.setenv(run.OTHER_PYTHON, "/other/python")
+    assert run.engines_of_set_up(lambda program: False) == []
+    monkeypatch.delenv(run.OTHER_PYTHON)
+    monkeypatch.setattr(run.platform, "machine", lambda: "aarch64")
+    assert run.engines_of_set_up(lambda program: False) == []
+
+
+def test_the_extra_brings_the_engines_that_are_expected(run):
+    from packaging.requirements import Requirement
+
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+    extra = map(Requirement, project["project"]["optional-dependencies"]["test"])
+    wanted = {found.name.lower(): found.marker for found in extra}
+    place = {"sys_platform": "linux", "platform_machine": "x86_64"}
+    packages = {"Kratos": ("kratosdemapplication", "kratosmultiphysics"), "peclet-dem": ("peclet-dem",)}
+    assert set(packages) == set(run.ENGINE_PACKAGES)
+    for engine, (major, last) in run.ENGINE_PACKAGES.items():
+        for name in packages[engine]:
+            for minor, there in ((11, True), (last, True), (last + 1, False)):
+                version = f"{major}.{minor}"
+                assert wanted[name].evaluate({**place, "python_version": version}) is there
+            assert not wanted[name].evaluate(
+                {**place, "platform_machine": "aarch64", "python_version": "3.12"}
+            )
+
+
 def test_every_dependency_is_pinned():
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
     pinned = {

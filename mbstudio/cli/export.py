@@ -41,10 +41,22 @@ def export(
     select: Annotated[
         str,
         typer.Option(
-            "--select", metavar="all|valid|3,5,9", help="Which avatars; labels may be ranges (1-20)."
+            "--select",
+            metavar="all|valid|3,5,9|kept",
+            help="Which avatars; labels may be ranges (1-20). kept: the grains kept in the latent studio; "
+            "kept:flat one,kept 2 those of these names.",
         ),
     ] = "valid",
     spheres: Annotated[int | None, typer.Option("--spheres", help="Spheres of each clump.")] = None,
+    clump_target: Annotated[
+        str | None,
+        typer.Option(
+            "--clump-target",
+            metavar="TARGET",
+            help="What each clump is to reach with as few spheres as may be: 'iou 0.95', 'hausdorff 3 %', "
+            "'volume 1 %', 'inertia 1 %'; 'and n 200' sets the most spheres.",
+        ),
+    ] = None,
     option: Annotated[
         list[str] | None,
         typer.Option("--option", metavar="NAME=VALUE", help="A further option of the target."),
@@ -88,8 +100,19 @@ def export(
     plan = _plan(specimen, curve, seed, share or [], box_width)
     if spheres is not None:
         options["spheres"] = spheres
+    if clump_target is not None:
+        if spheres is not None:
+            raise ExportError("--spheres and --clump-target exclude each other: give one of them.")
+        options["clump_target"] = clump_target
     project = Project.open(source)
-    avatars = choose_avatars(project, select, source)
+    names: list[str] | None = None
+    attachments: dict[str, str] = {}
+    if select.partition(":")[0] == "kept":
+        avatars, names, attachments = choose_kept(project, select, source)
+        left_out = len(project.state.kept) - len(avatars)
+    else:
+        avatars = choose_avatars(project, select, source)
+        left_out = len(project.avatars) - len(avatars)
     with console.progress("Exporting") as report:
         done = export_avatars(
             avatars,
@@ -97,8 +120,10 @@ def export(
             folder,
             density=density,
             unit=unit,
+            names=names,
             overwrite=overwrite,
             progress=report,
+            attachments=attachments,
             specimen=plan,
             **options,
         )
@@ -106,7 +131,7 @@ def export(
         "target": done.target,
         "folder": str(done.folder),
         "avatars": len(avatars),
-        "left_out": len(project.avatars) - len(avatars),
+        "left_out": left_out,
         "files": [str(path) for path in done.files],
         "warnings": list(done.warnings),
     }
@@ -148,6 +173,35 @@ def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
             f"Grain {missing[0]} of {source} has no avatar: fit it first, or leave it out of --select."
         )
     return [project.fits[label].avatar for label in labels]
+
+
+def choose_kept(
+    project: Project, select: str, source: Path
+) -> tuple[list[Avatar], list[str], dict[str, str]]:
+    """Return the kept grains that ``--select kept`` or ``kept:name,name`` names, as export takes them.
+
+    Raises
+    ------
+    ExportError
+        If there is none, or none of a name.
+    """
+    from mbstudio.core.vae.kept_grain import of_style, to_export
+
+    style = project.state.style
+    kept = of_style(project.state.kept, style)
+    if style is None or not kept:
+        there = len(project.state.kept)
+        raise ExportError(
+            f"The {there} kept grains of {source} belong to another style-learner than the project's."
+            if there
+            else f"{source} holds no kept grains: keep some at station Latent and save the project."
+        )
+    wanted = [name.strip() for name in select.partition(":")[2].split(",") if name.strip()]
+    known = {grain.name: grain for grain in kept}
+    for name in wanted:
+        if name not in known:
+            raise ExportError(f"{source} has no kept grain '{name}': there are {', '.join(known)}.")
+    return to_export(style, [known[name] for name in wanted] or kept)
 
 
 def _plan(

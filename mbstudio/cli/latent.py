@@ -117,7 +117,7 @@ class _ByHand:
         from mbstudio.core.vae.meaning import Meanings
 
         if self._meanings is None:
-            self._meanings = Meanings.of(self.learner, self._seed)
+            self._meanings = Meanings.of(self.learner)
         return self._meanings
 
     def _parent(self, name: str) -> np.ndarray:
@@ -151,7 +151,7 @@ class _ByHand:
     def moved(self, name: str, by: list[str]) -> np.ndarray:
         if not by:
             raise StyleError("Say how to move the grain: --by csf=-1, in standard deviations of the parents.")
-        return self.meanings.moved(self._parent(name), _numbers(by), corrections=8)[None]
+        return self.meanings.moved(self._parent(name), _numbers(by))[None]
 
     def designed(self, targets: list[str]) -> np.ndarray:
         found = self.meanings.designed(_numbers(targets))
@@ -246,16 +246,15 @@ def _tell_about(style: Path, learner: StyleLearner, work: _ByHand, as_json: bool
     from mbstudio.core.vae.meaning_factors import MEANINGS
 
     meanings = work.meanings
-    known = meanings.factors(learner.latents)
+    known = meanings.known.copy()
     known[:, 0] = np.exp(known[:, 0])
     table = [
-        (name, *(float(v) for v in np.percentile(known[:, i], (5, 50, 95))), float(known[:, i].std(ddof=1)),
-         float(meanings.regression.determination[i]))
+        (name, *(float(v) for v in np.percentile(known[:, i], (5, 50, 95))), float(known[:, i].std(ddof=1)))
         for i, name in enumerate(MEANINGS)
-    ]  # fmt: skip
+    ]
     facts = {"preset": learner.preset, "parents": len(learner.parents), "latents": learner.dimension}
     if as_json:
-        keys = ("meaning", "p5", "median", "p95", "deviation", "determination")
+        keys = ("meaning", "p5", "median", "p95", "deviation")
         console.print_json(
             {**facts, "unit": learner.unit, "meanings": [dict(zip(keys, row, strict=True)) for row in table]}
         )
@@ -263,5 +262,5 @@ def _tell_about(style: Path, learner: StyleLearner, work: _ByHand, as_json: bool
     console.print_facts(f"Style-learner {style.name}", facts)
     console.print_table(
         f"Meanings of its latent space (size in {learner.unit})",
-        ("meaning", "5 %", "median", "95 %", "s.d.", "R²"), table,
+        ("meaning", "5 %", "median", "95 %", "s.d."), table,
     )  # fmt: skip

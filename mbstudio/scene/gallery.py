@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyvista as pv
 from jaxtyping import Float
-from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from mbstudio.scene import camera
+from mbstudio.scene.picking import label_under
 from mbstudio.scene.surfaces import LABEL_ARRAY, Surface, avatar_surface, merge
 from mbstudio.scene.theme import SceneTheme, rgb
 
@@ -84,7 +84,7 @@ class Gallery:
 
     def __init__(self, plotter: Any, theme: SceneTheme) -> None:
         self._plotter, self._theme = plotter, theme
-        self._actor: pv.Actor | None = None
+        self.actor: pv.Actor | None = None
         self._mesh: pv.PolyData | None = None
         self.is_visible = False
         self.selected: int | None = None
@@ -96,28 +96,28 @@ class Gallery:
 
     def show(self, surface: Surface | None) -> None:
         """Lay out another tray (:func:`tray_surface`), or take the present one away."""
-        if self._actor is not None:
-            self._plotter.remove_actor(self._actor, reset_camera=False, render=False)
-        self._actor = self._mesh = None
+        if self.actor is not None:
+            self._plotter.remove_actor(self.actor, reset_camera=False, render=False)
+        self.actor = self._mesh = None
         self.serial += 1
         if surface is None or not len(surface.triangles):
             return
         self._mesh = surface.poly_data()
         self._mesh.cell_data["colour"] = np.zeros((self._mesh.n_cells, 3), dtype=np.uint8)
-        self._actor = self._plotter.add_mesh(
+        self.actor = self._plotter.add_mesh(
             self._mesh, scalars="colour", rgb=True, smooth_shading=False, specular=0.15, specular_power=25,
             ambient=0.12, name="gallery", reset_camera=False, render=False, show_scalar_bar=False,
         )  # fmt: skip
-        self._actor.prop.interpolation = "Phong"
-        self._actor.prop.culling = "back"
+        self.actor.prop.interpolation = "Phong"
+        self.actor.prop.culling = "back"
         self._colour()
         self.set_visible(self.is_visible)
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide the tray."""
         self.is_visible = visible
-        if self._actor is not None:
-            self._actor.SetVisibility(visible)
+        if self.actor is not None:
+            self.actor.SetVisibility(visible)
 
     def select(self, label: int | None) -> None:
         """Bring one body out by its label; the others keep their colour, a little faded."""
@@ -138,15 +138,9 @@ class Gallery:
 
     def label_at(self, x: float, y: float, renderer: Any) -> int | None:
         """Return the label of the body under a pixel (from the lower left), or None."""
-        if self._actor is None or not self.is_visible:
+        if self.actor is None or not self.is_visible:
             return None
-        picker = vtkCellPicker()
-        picker.SetTolerance(0.0005)
-        picker.PickFromListOn()
-        picker.AddPickList(self._actor)
-        if not picker.Pick(x, y, 0, renderer) or picker.GetCellId() < 0:
-            return None
-        return int(picker.GetDataSet().GetCellData().GetArray(LABEL_ARRAY).GetTuple1(picker.GetCellId()))
+        return label_under(renderer, [self.actor], x, y)
 
     def _colour(self) -> None:
         if self._mesh is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from mbstudio.core.vae.style_learner import StyleLearner
 from mbstudio.scene.theme import SceneTheme, rgb
 from mbstudio.scene.thumbnails import seen_reach, thumbnail
 
-ENDINGS = (".gif", ".mp4")
+ENDINGS = (".gif", ".png", ".mp4")
 _SECONDS = 0.06
 _REST = 8
 """Frames for which each end stands still."""
@@ -43,7 +43,8 @@ def write_morph(
     learner : StyleLearner
     first, second : float array, shape (d,)
     path : Path
-        Ending in .gif or .mp4.
+        Ending in .gif or .mp4; or in .png for a numbered picture of each step, for any program that makes
+        films: ``morph.png`` becomes ``morph_01.png`` and so on.
     theme : SceneTheme
     steps : int
         Grains on the way, ends included.
@@ -51,6 +52,11 @@ def write_morph(
         Pixels; even for .mp4.
     progress : callable, optional
         Told the share done and what is done; what it raises ends the work.
+
+    Returns
+    -------
+    Path
+        The file, the last one of numbered pictures.
 
     Raises
     ------
@@ -65,6 +71,8 @@ def write_morph(
         frames.append(_over(thumbnail(avatar, theme.avatar, side, reach), theme))
         if progress is not None:
             progress(0.95 * (place + 1) / len(avatars), f"frame {place + 1} of {len(avatars)}")
+    if path.suffix.lower() == ".png":
+        return _write_pictures(path, frames)
     there = [frames[0]] * _REST + frames[1:-1] + [frames[-1]] * _REST + frames[-2:0:-1]
     _write(path, np.stack(there))
     return path
@@ -77,7 +85,7 @@ def require_writer(path: Path) -> None:
     if path.suffix.lower() == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise AnimationError(
             f"{path.name} cannot be written: MP4 needs the package imageio-ffmpeg, which is not installed "
-            "here. Save as .gif instead."
+            "here. Install it (pip install mbstudio[mp4]), or save as .gif, or as .png for numbered pictures."
         )
 
 
@@ -87,6 +95,19 @@ def _over(picture: UInt8[np.ndarray, "h w 4"], theme: SceneTheme) -> UInt8[np.nd
     ground = (1 - share) * np.array(rgb(theme.top)) + share * np.array(rgb(theme.bottom))
     cover = picture[..., 3:] / 255.0
     return np.asarray(np.round(cover * picture[..., :3] + (1 - cover) * ground), dtype=np.uint8)
+
+
+def _write_pictures(path: Path, frames: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Path:
+    import imageio.v2 as imageio
+
+    digits, last = len(str(len(frames))), path
+    try:
+        for number, frame in enumerate(frames, 1):
+            last = path.with_name(f"{path.stem}_{number:0{digits}d}{path.suffix}")
+            imageio.imwrite(last, frame)
+    except OSError as error:
+        raise AnimationError(f"{path} cannot be written ({error}): choose another folder.") from error
+    return last
 
 
 def _write(path: Path, frames: UInt8[np.ndarray, "frames h w 3"]) -> None:

@@ -8,36 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pyvista as pv
-from jaxtyping import UInt8
-from vtkmodules.vtkRenderingCore import vtkCellPicker
+from jaxtyping import Float, UInt8
 
 from mbstudio.scene import camera
 from mbstudio.scene.annotations import ScaleBar, colour_axes
 from mbstudio.scene.camera import VIEWS, View
+from mbstudio.scene.clip_box import ClipBox
+from mbstudio.scene.deviation_map import DeviationMap, DeviationSurface
 from mbstudio.scene.gallery import Gallery
-from mbstudio.scene.slices import SlicePlanes
-from mbstudio.scene.surfaces import LABEL_ARRAY, Surface
-from mbstudio.scene.theme import LIGHT, SceneTheme, label_colours, rgb
+from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
+from mbstudio.scene.measurements import Measurements
+from mbstudio.scene.overviews import Overviews
+from mbstudio.scene.picking import label_under, point_under, sight
+from mbstudio.scene.slices import SlicePlanes, scan_box
+from mbstudio.scene.surfaces import Surface
+from mbstudio.scene.theme import LIGHT, SceneTheme
 from mbstudio.scene.volume import VolumeVoxels, add_volume
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
-
-Layer = Literal[
-    "slices", "volume", "grains", "avatars", "grain", "avatar", "points", "live", "ghost_a", "ghost_b"
-]
-LAYERS: tuple[Layer, ...] = get_args(Layer)
-LABELLED: tuple[Layer, ...] = ("grains", "avatars")
-SEE_THROUGH: tuple[Layer, ...] = ("grain", "ghost_a", "ghost_b")
-COLOURS: dict[Layer, str] = {
-    "grain": "grain", "avatar": "avatar", "points": "points",
-    "live": "avatar", "ghost_a": "grain", "ghost_b": "points",
-}  # fmt: skip
-"""Which of the theme's colours each single surface has."""
 
 __all__ = ["LAYERS", "VIEWS", "Layer", "Scene", "View"]
 
@@ -65,20 +58,23 @@ class Scene:
         self._scan: Scan | None = None
         self._actors: dict[Layer, pv.Actor | pv.plotting.volume.Volume] = {}
         self._opacity: dict[Layer, float] = {
-            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22
+            "grain": 0.6, "avatar": 1.0, "points": 1.0, "ghost_a": 0.22, "ghost_b": 0.22, "envelope": 0.4
         }  # fmt: skip
         self._visible: dict[Layer, bool] = dict.fromkeys(LAYERS, True)
         self._box: pv.Actor | None = None
-        self._others: pv.Actor | None = None
-        # Not asked of the mapper: before the first rendering it may answer with an empty mesh.
-        self._overviews: dict[Layer, pv.PolyData] = {}
+        # Not asked of the mappers: before the first rendering they may answer with an empty mesh.
+        self._meshes: dict[Layer, pv.PolyData] = {}
         self._renderer: Any = plotter.renderer
+        self._overviews = Overviews(self.plotter)
         self.gallery = Gallery(self.plotter, theme)
         plotter.renderer.camera.SetParallelProjection(True)
         # Else the first rendering turns the camera to pyvista's own preset.
         plotter.renderer.camera_set = True
         self._bar = ScaleBar(plotter, unit, theme.ink)
         self._bar.set_visible(False)
+        self._deviation = DeviationMap(self.plotter, theme.ink)
+        self.measurements = Measurements(self._renderer, theme, unit)
+        self.clip = ClipBox(self.plotter, theme)
         self.plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
         self.set_theme(theme)
 
@@ -98,19 +94,7 @@ class Scene:
         self.set_unit(scan.unit)
         self.slices = SlicePlanes(self.plotter, scan, self.theme.axes)
         self.slices.set_visible(self._visible["slices"])
-        low = np.array(scan.origin) - np.array(scan.voxel_size.xyz) / 2
-        high = low + scan.size
-        self._box = self.plotter.add_mesh(
-            pv.Box(bounds=np.column_stack([low, high]).ravel().tolist()).extract_all_edges(),
-            color=self.theme.ink,
-            opacity=0.35,
-            line_width=1,
-            pickable=False,
-            reset_camera=False,
-            render=False,
-            name="scan box",
-            lighting=False,
-        )
+        self._box = scan_box(self.plotter, scan, self.theme.ink)
         self._apply_visibility()
 
     def set_volume(self, voxels: VolumeVoxels | None) -> None:
@@ -140,6 +124,18 @@ class Scene:
         """Show one avatar's surface."""
         self._set_surface("avatar", surface, unit)
 
+    def set_deviation(self, shown: DeviationSurface | None) -> None:
+        """Show how far the avatar lies from its grain as colours on its surface."""
+        self._remove("deviation")
+        if shown is not None:
+            self.set_unit(shown.deviation.unit)
+            self._actors["deviation"] = self._deviation.add(shown)
+        self._apply_visibility()
+
+    @property
+    def has_deviation(self) -> bool:
+        return "deviation" in self._actors
+
     def set_points(self, spheres: Surface | None) -> None:
         """Show an avatar's control points (:func:`~mbstudio.scene.surfaces.control_points`)."""
         self._set_surface("points", spheres, None)
@@ -153,25 +149,25 @@ class Scene:
         self._set_surface("ghost_a", first, None)
         self._set_surface("ghost_b", second, None)
 
+    def set_export(self, shape: Surface | None, avatar: Surface | None, unit: str | None = None) -> None:
+        """Show what stands for an avatar in an export, and the avatar over it."""
+        self._set_surface("shape", shape, unit)
+        self._set_surface("envelope", avatar, None)
+
+    def set_edges(self, shown: bool) -> None:
+        """Draw the edges of the export's triangles."""
+        if "shape" in self._actors:
+            self._actors["shape"].prop.show_edges = shown
+            self._actors["shape"].prop.edge_color = self.theme.ink
+
     def set_unit(self, unit: str | None) -> None:
         """Take another unit of the coordinates, for the scale bar; None leaves it."""
         if unit is not None:
-            self.unit = self._bar.unit = unit
+            self.unit = self._bar.unit = self.measurements.unit = unit
 
     def set_others(self, surface: Surface | None) -> None:
         """Show the surface of the chosen grains beside the selected one, solid within the overview."""
-        if self._others is not None:
-            self.plotter.remove_actor(self._others, reset_camera=False, render=False)
-            self._others = None
-        if surface is None or not len(surface.triangles):
-            return
-        self._others = self.plotter.add_mesh(
-            surface.poly_data(),
-            color=self.theme.grain, smooth_shading=False, specular=0.15, specular_power=25, ambient=0.12,
-            name="chosen grains", pickable=False, reset_camera=False, render=False, show_scalar_bar=False,
-            scalars=None,
-        )  # fmt: skip
-        self._others.prop.interpolation = "Phong"
+        self._overviews.set_others(surface, self.theme.grain)
         self._apply_visibility()
 
     def select(self, label: int | None, others: Collection[int] = ()) -> None:
@@ -179,7 +175,7 @@ class Scene:
         self.selected = label
         self.chosen = frozenset(others) | (frozenset() if label is None else {label})
         for layer in LABELLED:
-            self._colour_labels(layer)
+            self._overviews.colour(layer, self.theme, self.chosen)
         if "grains" in self._actors:
             # Chosen grains may lie deep inside: the others turn to glass around their surfaces.
             self._actors["grains"].prop.opacity = 0.28 if self.chosen else 1.0
@@ -235,6 +231,9 @@ class Scene:
         self.theme = theme
         self._renderer.set_background(theme.bottom, top=theme.top)
         self._bar.recolour(theme.ink)
+        self._deviation.scale.recolour(theme.ink)
+        self.measurements.recolour(theme)
+        self.clip.recolour(theme)
         if self._box is not None:
             self._box.prop.color = theme.ink
         if self.slices is not None:
@@ -242,10 +241,10 @@ class Scene:
         for layer, name in COLOURS.items():
             if layer in self._actors:
                 self._actors[layer].prop.color = getattr(theme, name)
-        if self._others is not None:
-            self._others.prop.color = theme.grain
+        if self._overviews.others is not None:
+            self._overviews.others.prop.color = theme.grain
         for layer in LABELLED:
-            self._colour_labels(layer)
+            self._overviews.colour(layer, self.theme, self.chosen)
         self.gallery.recolour(theme)
         colour_axes(self._renderer, theme)
 
@@ -264,7 +263,8 @@ class Scene:
 
     def set_pixel_ratio(self, ratio: float) -> None:
         """Tell how many pixels of the picture one of the screen's units is, for text and lines."""
-        self._bar.pixel_ratio = ratio
+        for part in (self._bar, self._deviation.scale, self.measurements, self.clip):
+            part.pixel_ratio = ratio
 
     # ---- camera -------------------------------------------------------------------------
 
@@ -292,7 +292,7 @@ class Scene:
         if self._box is not None and self._box.GetVisibility():
             found.append(np.asarray(self._box.mapper.dataset.points))
         else:
-            for layer in ("grains", "avatars", *COLOURS):
+            for layer in ("grains", "avatars", "deviation", *COLOURS):
                 if layer in self._actors and self._visible[layer]:
                     points = np.asarray(self._actors[layer].mapper.dataset.points)
                     found.append(points[:: max(1, len(points) // 20_000)])
@@ -302,16 +302,20 @@ class Scene:
 
     def label_at(self, x: float, y: float) -> int | None:
         """Return the label of the grain or avatar under a pixel (from the lower left), or None."""
-        picker = vtkCellPicker()
-        picker.SetTolerance(0.0005)
-        picker.PickFromListOn()
-        for layer in ("grains", "avatars"):
-            if layer in self._actors and self._visible[layer]:
-                picker.AddPickList(self._actors[layer])
-        if not picker.Pick(x, y, 0, self._renderer) or picker.GetCellId() < 0:
-            return None
-        label = int(picker.GetDataSet().GetCellData().GetArray(LABEL_ARRAY).GetTuple1(picker.GetCellId()))
-        return label or None
+        shown = [self._actors[layer] for layer in LABELLED if layer in self._actors and self._visible[layer]]
+        return label_under(self._renderer, shown, x, y)
+
+    def point_at(self, x: float, y: float) -> Float[np.ndarray, "3"] | None:
+        """Return the foremost point of a surface or slice under a pixel (from the lower left), or None."""
+        surfaces = [
+            actor for actor in self._cuttable() if actor.GetVisibility() and isinstance(actor, pv.Actor)
+        ]
+        start, along = sight(self._renderer, x, y)
+        found = [point_under(self._renderer, surfaces, x, y)]
+        if self.slices is not None:
+            found.append(self.slices.point_on(start, along))
+        there = [point for point in found if point is not None]
+        return min(there, key=lambda point: float((point - start) @ along)) if there else None
 
     def screenshot(self) -> UInt8[np.ndarray, "h w 3"]:
         """Render and return the picture."""
@@ -325,11 +329,12 @@ class Scene:
         if surface is None or not len(surface.triangles):
             self._remove(layer)
         elif layer in self._actors:
-            # While a fit runs this happens ten times a second: only the mapper's input changes.
-            self._actors[layer].mapper.dataset = surface.poly_data()
+            # While a slider moves this happens thirty times a second: only the mesh's arrays change.
+            surface.fill(self._meshes[layer])
         else:
+            self._meshes[layer] = surface.poly_data()
             self._actors[layer] = self.plotter.add_mesh(
-                surface.poly_data(), color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
+                self._meshes[layer], color=getattr(self.theme, COLOURS[layer]), smooth_shading=False,
                 specular=0.15, specular_power=25, ambient=0.12, name=layer, pickable=layer != "points",
                 reset_camera=False, render=False, show_scalar_bar=False,
             )  # fmt: skip
@@ -348,35 +353,18 @@ class Scene:
         self.set_unit(unit)
         self._remove(layer)
         if surface is not None and len(surface.triangles):
-            mesh = surface.poly_data()
-            self._overviews[layer] = mesh
-            mesh.cell_data["colour"] = np.zeros((mesh.n_cells, 3), dtype=np.uint8)
-            self._actors[layer] = self.plotter.add_mesh(
-                mesh, scalars="colour", rgb=True, smooth_shading=False, specular=0.1, specular_power=20,
-                ambient=0.1, name=layer, reset_camera=False, render=False, show_scalar_bar=False,
-            )  # fmt: skip
-            self._actors[layer].prop.interpolation = "Phong"
-            self._actors[layer].prop.culling = "back"
+            self._actors[layer] = self._overviews.add(layer, surface)
             self.select(self.selected, self.chosen)
         self._apply_visibility()
 
-    def _colour_labels(self, layer: Layer) -> None:
-        if layer not in self._actors:
-            return
-        surface = self._overviews[layer]
-        labels = surface.cell_data[LABEL_ARRAY]
-        colours = label_colours(int(labels.max()))
-        if self.chosen:
-            chosen = rgb(self.theme.grain if layer == "grains" else self.theme.avatar)
-            # A faint trace of its own colour stays with every other grain.
-            colours = (0.78 * np.array(rgb(self.theme.muted)) + 0.22 * colours).astype(np.uint8)
-            colours[[label for label in self.chosen if label < len(colours)]] = chosen
-        np.asarray(surface.cell_data["colour"])[:] = colours[labels]
-        surface.GetCellData().GetArray("colour").Modified()
-        surface.Modified()
+    def _cuttable(self) -> list[Any]:
+        """Return the actors of all surfaces and of the volume."""
+        more = (self._overviews.others, self.gallery.actor)
+        return [*self._actors.values(), *(actor for actor in more if actor is not None)]
 
     def _remove(self, layer: Layer) -> None:
-        self._overviews.pop(layer, None)
+        self._overviews.forget(layer)
+        self._meshes.pop(layer, None)
         actor = self._actors.pop(layer, None)
         if actor is not None:
             self.plotter.remove_actor(actor, reset_camera=False, render=False)
@@ -387,13 +375,18 @@ class Scene:
             self.slices.set_visible(self._visible["slices"])
         for layer, actor in self._actors.items():
             actor.SetVisibility(self._visible[layer] and self.opacity(layer) > 0.001)
-        if self._others is not None:
-            self._others.SetVisibility(self._visible["grains"])
+        if self._overviews.others is not None:
+            self._overviews.others.SetVisibility(self._visible["grains"])
         if self._box is not None:
             self._box.SetVisibility(any(self._visible[layer] for layer in ("slices", "volume", "grains")))
+        self.clip.cut(self._cuttable())
+        self._deviation.scale.set_visible(self.has_deviation and self._visible["deviation"])
         self._bar.set_visible(self.points() is not None)
 
     def close(self) -> None:
         """Let go of the plotter's objects; the plotter itself is closed by its owner."""
         self.clear()
         self._bar.remove()
+        self._deviation.scale.remove()
+        self.measurements.remove()
+        self.clip.remove()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import pyvista as pv
-from jaxtyping import Int, Shaped, UInt8
+from jaxtyping import Float, Int, Shaped, UInt8
 from vtkmodules.vtkRenderingCore import vtkImageSlice, vtkImageSliceMapper
 
 from mbstudio.scene.theme import label_colours
@@ -108,6 +108,7 @@ class SlicePlanes:
         self._visible = True
         self._labels: np.ndarray | None = None
         self._colours: np.ndarray | None = None
+        self.images: dict[Axis, UInt8[np.ndarray, "h w 3"]] = {}
         self._planes: dict[Axis, vtkImageSlice] = {}
         self._frames: dict[Axis, pv.Actor] = {}
         for axis, colour in zip(AXES, axis_colours, strict=True):
@@ -159,6 +160,50 @@ class SlicePlanes:
         self.shown[axis] = shown
         self._apply_visibility()
 
+    def is_seen(self, axis: Axis) -> bool:
+        """Return whether the slice across one axis is to be seen."""
+        return self._visible and self.shown[axis]
+
+    def corners(self, axis: Axis) -> Float[np.ndarray, "4 3"]:
+        """Return the corners (x, y, z) of the slice across an axis: its outermost voxels' centres."""
+        number = AXES.index(axis)
+        spacing = np.array(self._scan.voxel_size.xyz)
+        low = np.array(self._scan.origin, dtype=float)
+        size = spacing * (np.array([self.counts[name] for name in AXES]) - 1)
+        low[number] += self.index[axis] * spacing[number]
+        size[number] = 0.0
+        return _rectangle(low, size, number)
+
+    def spacing(self, axis: Axis) -> float:
+        """Return the edge of a voxel along an axis."""
+        return float(self._scan.voxel_size.xyz[AXES.index(axis)])
+
+    def voxel_at(self, point: Float[np.ndarray, "3"]) -> tuple[int, int, int]:
+        """Return the indices (x, y, z) of the voxel nearest to a point within the scan."""
+        places = (np.asarray(point) - self._scan.origin) / self._scan.voxel_size.xyz
+        x, y, z = (
+            int(np.clip(round(float(place)), 0, self.counts[axis] - 1))
+            for place, axis in zip(places, AXES, strict=True)
+        )
+        return x, y, z
+
+    def point_on(
+        self, start: Float[np.ndarray, "3"], along: Float[np.ndarray, "3"]
+    ) -> Float[np.ndarray, "3"] | None:
+        """Return where a line of sight first meets a slice that is seen, or None."""
+        best, found = np.inf, None
+        for number, axis in enumerate(AXES):
+            if not self.is_seen(axis) or abs(along[number]) < 1e-9:
+                continue
+            corners = self.corners(axis)
+            share = (corners[0, number] - start[number]) / along[number]
+            place = start + share * along
+            others = [other for other in range(3) if other != number]
+            low, high = corners.min(axis=0)[others], corners.max(axis=0)[others]
+            if share < best and ((place[others] >= low) & (place[others] <= high)).all():
+                best, found = share, place
+        return found
+
     def recolour(self, axis_colours: tuple[str, str, str]) -> None:
         """Give the frames other colours."""
         for axis, colour in zip(AXES, axis_colours, strict=True):
@@ -173,9 +218,8 @@ class SlicePlanes:
 
     def _apply_visibility(self) -> None:
         for axis in AXES:
-            visible = self._visible and self.shown[axis]
-            self._planes[axis].SetVisibility(visible)
-            self._frames[axis].SetVisibility(visible)
+            self._planes[axis].SetVisibility(self.is_seen(axis))
+            self._frames[axis].SetVisibility(self.is_seen(axis))
 
     def _draw_all(self) -> None:
         for axis in AXES:
@@ -185,6 +229,7 @@ class SlicePlanes:
         index = self.index[axis]
         labels = None if self._labels is None else cut(self._labels, axis, index)
         image = slice_image(cut(self._scan.voxels, axis, index), self.window, labels, self._colours)
+        self.images[axis] = image
         number = AXES.index(axis)
         dimensions = [self.counts[name] for name in AXES]
         dimensions[number] = 1
@@ -199,6 +244,20 @@ class SlicePlanes:
 
 def _frame(origin: np.ndarray, size: np.ndarray, axis: int) -> pv.PolyData:
     """Return the closed rectangle around a slice across `axis`."""
+    corners = _rectangle(origin, size, axis)
+    return pv.lines_from_points(np.concatenate([corners, corners[:1]]))
+
+
+def _rectangle(origin: np.ndarray, size: np.ndarray, axis: int) -> Float[np.ndarray, "4 3"]:
     first, second = (np.eye(3)[number] * size[number] for number in range(3) if number != axis)
-    corners = np.array([origin, origin + first, origin + first + second, origin + second, origin])
-    return pv.lines_from_points(corners)
+    return np.array([origin, origin + first, origin + first + second, origin + second])
+
+
+def scan_box(plotter: Any, scan: Scan, colour: str) -> pv.Actor:
+    """Add the outline of the scan's box, voxel edge to voxel edge."""
+    low = np.array(scan.origin) - np.array(scan.voxel_size.xyz) / 2
+    edges = pv.Box(bounds=np.column_stack([low, low + scan.size]).ravel().tolist()).extract_all_edges()
+    return plotter.add_mesh(
+        edges, color=colour, opacity=0.35, line_width=1, pickable=False, reset_camera=False, render=False,
+        name="scan box", lighting=False,
+    )  # fmt: skip

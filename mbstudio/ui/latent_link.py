@@ -13,14 +13,17 @@ from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.core.units import unit_label
 from mbstudio.core.vae import load_style_learner
 from mbstudio.core.vae.latent import aligned_to, interpolated
 from mbstudio.core.vae.latent_recipe import Operation
-from mbstudio.core.vae.live_grain import AT_REST, live_grain
+from mbstudio.core.vae.live_grain import AT_REST, MOVING, live_grain
+from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.scene.morph_animation import require_writer, write_morph
 from mbstudio.scene.surfaces import Surface
 from mbstudio.ui.latent_pictures import LatentPictures
 from mbstudio.ui.widgets.blend_page import LETTERS, STRIP
+from mbstudio.ui.widgets.factor_radar import SHORT
 from mbstudio.ui.workers import Task
 
 if TYPE_CHECKING:
@@ -70,6 +73,7 @@ class LatentLink(QObject):
         self._dock.map.walked.connect(self._walk)
         gallery.opened.connect(work.begin_with)
         gallery.forget_asked.connect(lambda name: work.forget([name]))
+        gallery.rename_asked.connect(self._rename)
         self.pictures.ready.connect(self._picture_ready)
         self._window.theme.changed.connect(self._repaint)
 
@@ -87,6 +91,7 @@ class LatentLink(QObject):
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
         self._dock.blend.stop()
+        self._window.viewport.is_draft = False
         grains = self._window.workspace.state.grains
         scan = self._window.workspace.scan
         if grains is not None or scan is not None:
@@ -148,8 +153,9 @@ class LatentLink(QObject):
         if grain is None or about is None:
             return
         latent_station = self._window.station == "latent"
+        self._window.viewport.is_draft = latent_station and grain.cells == MOVING
         self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
-        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held)
+        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
         if about.map is not None:
             self._dock.map.set_here(about.map.places(grain.latent[None])[0])
         if latent_station:
@@ -186,8 +192,7 @@ class LatentLink(QObject):
     def history(self) -> tuple[str | None, str | None]:
         """Return what undo and redo would do here, in words; None where they can do nothing."""
         if self._window.station == "latent" and self._work.learner is not None:
-            words = self._work.stance.title if self._work.stance is not None else ""
-            return (words if self._work.can_undo else None, "shaping" if self._work.can_redo else None)
+            return (self._work.history.undo_title, self._work.history.redo_title)
         past = self._window.workspace.project.history
         return (past.undo_title if past.can_undo else None, past.redo_title if past.can_redo else None)
 
@@ -197,15 +202,39 @@ class LatentLink(QObject):
         learner, about = self._work.learner, self._work.about
         kept = self._work.kept if learner is not None else []
         parents = list(learner.parents.names) if learner is not None else []
-        tips = {recipe.name: f"{recipe.name}: {recipe.words}" for recipe in kept}
-        self._gallery.show_grains([recipe.name for recipe in kept], parents, self.pictures.made, tips)
-        missing = {recipe.name: recipe.vector for recipe in kept if recipe.name not in self.pictures.made}
+        missing = {
+            recipe.name: recipe.vector for recipe in kept if not self.pictures.has(recipe.name, recipe.vector)
+        }
+        there = {name: picture for name, picture in self.pictures.made.items() if name not in missing}
+        self._gallery.show_grains([recipe.name for recipe in kept], parents, there, self._tips())
         self.pictures.ask(missing, "kept")
         if about is not None and about.map is not None:
             self._dock.map.set_kept(
                 about.map.places(np.stack([recipe.vector for recipe in kept])) if kept else np.empty((0, 2))
             )
-        self._window.panels_export.set_kept(kept if learner is not None else [], learner)
+        self._window.panels_export.set_kept(self._work.kept_grains if learner is not None else (), learner)
+
+    def _tips(self) -> dict[str, str]:
+        """Return what is told of each kept grain: its factors, and how it was made."""
+        found = {}
+        for grain in self._work.kept_grains:
+            measured = zip(MEANINGS, grain.factors, strict=True)
+            unit = unit_label(grain.unit)
+            words = ", ".join(
+                f"{SHORT[name]} {value:.4g} {unit}" if name == "size" else f"{SHORT[name]} {value:.3f}"
+                for name, value in measured
+            )
+            found[grain.name] = f"{grain.name}: {words}\nMade by: {grain.recipe.words}"
+        return found
+
+    def _rename(self, name: str, to: str) -> None:
+        if self._work.rename(name, to):
+            self.pictures.rename(name, to.strip())
+            for letter, (known, latent) in self.letters.items():
+                if known == name:
+                    self.letters[letter] = (to.strip(), latent)
+                    self._dock.blend.set_grain(letter, to.strip(), self.pictures.made.get(to.strip()))
+            self._show_kept()
 
     def _picture_ready(self, name: str, picture: QPixmap) -> None:
         self._gallery.set_picture(name, picture)
@@ -314,7 +343,10 @@ class LatentLink(QObject):
     def ask_animation(self) -> None:
         """Ask for a file and write the way from A to B to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save animation", str(Path.home() / "morph.gif"), "GIF (*.gif);;MP4 (*.mp4)"
+            self._window,
+            "Save animation",
+            str(Path.home() / "morph.gif"),
+            "GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)",
         )
         if name:
             chosen = Path(name)
@@ -336,7 +368,11 @@ class LatentLink(QObject):
         )  # fmt: skip
         task = Task("Writing the animation", lambda control: write(progress=control.progress))
         task.succeeded.connect(
-            lambda _: self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            lambda last: (
+                self._window.messages.say("success", f"Saved the way from A to B, up to {last}.")
+                if last != path
+                else self._window.messages.say("success", f"Saved the way from A to B as {path}.")
+            )
         )
         self._window.queue.submit(task)
 

@@ -34,6 +34,7 @@ class LatentPictures(QObject):
         super().__init__(parent)
         self._queue, self._theme = queue, theme
         self.made: dict[str, QPixmap] = {}
+        self._of: dict[str, bytes] = {}
         self._learner: StyleLearner | None = None
 
     def use(self, learner: StyleLearner | None) -> None:
@@ -42,6 +43,16 @@ class LatentPictures(QObject):
         for lane in LANES:
             self._queue.cancel_all(lane)
         self.made.clear()
+        self._of.clear()
+
+    def has(self, name: str, latent: Float[np.ndarray, " d"]) -> bool:
+        """Return whether there is a picture of this name, and of this grain: names are given anew."""
+        return name in self.made and self._of[name] == np.asarray(latent, dtype=float).tobytes()
+
+    def rename(self, name: str, to: str) -> None:
+        """Let a picture stand for its grain under another name."""
+        if name in self.made:
+            self.made[to], self._of[to] = self.made.pop(name), self._of.pop(name)
 
     def ask(self, latents: Mapping[str, Float[np.ndarray, " d"]], key: str) -> None:
         """Make the pictures of these grains; `ready` tells of each."""
@@ -50,9 +61,9 @@ class LatentPictures(QObject):
             return
         names, vectors = list(latents), np.stack(list(latents.values()))
 
-        def drawn(control: Control) -> Iterator[tuple[str, Any]]:
+        def drawn(control: Control) -> Iterator[tuple[str, np.ndarray, Any]]:
             for name, vector in zip(names, vectors, strict=True):
-                yield name, thumbnail(learner.decode(vector[None]).avatar(0), colour, SIDE)
+                yield name, vector, thumbnail(learner.decode(vector[None]).avatar(0), colour, SIDE)
 
         task = Task("Drawing small pictures", drawn)
         task.reported.connect(lambda report: self._take(learner, report))
@@ -61,7 +72,7 @@ class LatentPictures(QObject):
     def _take(self, learner: StyleLearner, report: Report) -> None:
         if learner is not self._learner:
             return
-        for name, picture in report.steps:
+        for name, vector, picture in report.steps:
             pixmap = pixmap_of(picture)
-            self.made[name] = pixmap
+            self.made[name], self._of[name] = pixmap, vector.tobytes()
             self.ready.emit(name, pixmap)

@@ -70,7 +70,9 @@ class LatestOnly(QObject):
     def _run(self) -> None:
         while True:
             with self._changed:
-                while self._wish is None and not self._ended:
+                # What was found before is taken first: a result that nobody has time to show is worth less
+                # than one that is begun later, with a newer wish.
+                while (self._wish is None or self._undelivered) and not self._ended:
                     self._changed.wait()
                 if self._ended:
                     return
@@ -90,8 +92,10 @@ class LatestOnly(QObject):
             self._posted.emit(good, token, result)
 
     def _deliver(self, good: bool, token: Any, result: Any) -> None:
-        with self._changed:
-            self._undelivered -= 1
-            if self._ended:
-                return
-        (self.done if good else self.failed).emit(token, result)
+        try:
+            if not self._ended:
+                (self.done if good else self.failed).emit(token, result)
+        finally:
+            with self._changed:
+                self._undelivered -= 1
+                self._changed.notify()

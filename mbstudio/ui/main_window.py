@@ -11,14 +11,18 @@ from PySide6.QtWidgets import QLabel
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.export_link import ExportLink
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.latent_link import LatentLink
 from mbstudio.ui.population_link import PopulationLink
 from mbstudio.ui.shell_link import ShellLink
+from mbstudio.ui.slice_link import SliceLink
+from mbstudio.ui.station_layers import STATION_LAYERS
 from mbstudio.ui.style_link import StyleLink
 from mbstudio.ui.theme import Theme
-from mbstudio.ui.view_link import STATION_LAYERS, ViewLink
+from mbstudio.ui.view_link import ViewLink
+from mbstudio.ui.view_tools import ViewTools
 from mbstudio.ui.viewport import make_viewport
 from mbstudio.ui.widgets.command_palette import CommandPalette
 from mbstudio.ui.widgets.message_bar import MessageBar
@@ -87,7 +91,10 @@ class MainWindow(WindowLayout):
         self.brushing = PopulationLink(self)
         self.style_link = StyleLink(self)
         self.shaping = LatentLink(self)
+        self.slicing = SliceLink(self)
+        self.tools = ViewTools(self)
         self.shell = ShellLink(self)
+        self.exporting = ExportLink(self)
         self.commands = CommandTable(window_commands(self), self.icons, self)
         self._make_centre()
         self._make_menus()
@@ -225,6 +232,8 @@ class MainWindow(WindowLayout):
             self.brushing.entered()
         if station == "style":
             self.style_link.entered()
+        if "export" in (before, station):
+            self.exporting.entered() if station == "export" else self.exporting.left()
         if "latent" in (before, station):
             self.shaping.entered() if station == "latent" else self.shaping.left()
             self.refresh()

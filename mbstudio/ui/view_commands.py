@@ -27,11 +27,19 @@ _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
     ("grains", "All grains", "ph.polygon", "All grains, each in its colour"),
     ("grain", "Grain", "ph.circle-half", "Surface of the chosen grain"),
     ("avatar", "Avatar", "ph.circles-three", "Surface of the chosen grain's avatar"),
+    (
+        "deviation",
+        "Deviation",
+        "ph.thermometer",
+        "How far the avatar lies outside its grain, as colours",
+    ),
     ("points", "Control points", "ph.dots-nine", "Control points of the avatar"),
     ("avatars", "All avatars", "ph.selection-all", "All avatars where their grains lie"),
     ("live", "Live grain", "ph.hand", "The grain under the hand"),
     ("ghost_a", "Ghost of A", "ph.ghost", "Grain A, seen through"),
     ("ghost_b", "Ghost of B", "ph.ghost", "Grain B, seen through"),
+    ("shape", "Export", "ph.circles-four", "Spheres or mesh that stand for the avatar in the export"),
+    ("envelope", "Avatar over it", "ph.circle-half", "The avatar itself, seen through"),
 )
 
 
@@ -112,6 +120,17 @@ def view_commands(window: MainWindow) -> list[Command]:
             "ph.chart-line",
             "Show or hide the convergence curve",
             checked=lambda: not window.curve_dock.isHidden(),
+        ),
+        Command(
+            "panel.slices",
+            "Slice views",
+            window.slicing.show,
+            "View",
+            "Ctrl+Shift+L",
+            "ph.columns",
+            "Show or hide the three slices as flat pictures, at stations Scan and Grains",
+            lambda: window.slicing.is_offered,
+            checked=lambda: not window.slices_dock.isHidden(),
         ),
         Command(
             "panel.plots",

@@ -1,56 +1,21 @@
-"""Keeps the 3-D view in step with the work: builds surfaces in a thread, puts them into the scene."""
+"""Keeps the 3-D view in step with the work: what is shown at which station, and from where."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QGuiApplication
 
-from mbstudio.core.imaging import FitResult
-from mbstudio.core.metrics import ShapeFactors, measure
 from mbstudio.scene import Layer, Scene, View
 from mbstudio.scene.gallery import TrayCamera
-from mbstudio.scene.surfaces import (
-    Surface,
-    avatar_surface,
-    avatars_surface,
-    control_points,
-    grain_surface,
-    label_surface,
-)
-from mbstudio.scene.volume import volume_voxels
+from mbstudio.ui.station_layers import StationLayers
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.view_surfaces import ViewSurfaces
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.work.fit_work import FitWork, LiveAvatar
-from mbstudio.ui.workers import Task, TaskQueue
+from mbstudio.ui.workers import TaskQueue
 from mbstudio.ui.workspace import Workspace
-
-# Layers that can be switched at each station.
-STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
-    "scan": ("slices", "volume"),
-    "grains": ("slices", "volume", "grains"),
-    "fit": ("slices", "grain", "avatar", "points"),
-    "populations": ("slices", "grains", "avatars"),
-    "style": (),
-    "latent": ("live", "ghost_a", "ghost_b"),
-    "export": ("slices", "grains", "avatars"),
-}
-# Longest side in voxels of overview and volume: what software renders in a fraction of a second.
-DETAIL = {"OpenGL": (320, 384), "software": (140, 160)}
-
-
-@dataclass(frozen=True, eq=False)
-class _Chosen:
-    """What a worker makes of the chosen grain."""
-
-    grain: Surface
-    avatar: Surface | None
-    points: Surface | None
-    grain_factors: ShapeFactors
-    avatar_factors: ShapeFactors | None
 
 
 class ViewLink(QObject):
@@ -62,10 +27,18 @@ class ViewLink(QObject):
         Factors of the chosen grain and its avatar.
     drawn : signal
         The scene was changed and will be rendered.
+    slices_changed : signal
+        Slices were moved, shown otherwise, or are those of another scan.
+    arranged : signal
+        Other layers are shown than before, or other things in them.
+    picking : bool
+        Whether a click chooses what lies under it; a tool that takes clicks itself switches it off.
     """
 
     factors_ready = Signal(object, object)
     drawn = Signal()
+    slices_changed = Signal()
+    arranged = Signal()
 
     def __init__(
         self,
@@ -77,25 +50,18 @@ class ViewLink(QObject):
         parent: QObject,
     ) -> None:
         super().__init__(parent)
-        self.workspace, self.queue, self.viewport, self.theme = workspace, queue, viewport, theme
+        self.workspace, self.viewport, self.theme = workspace, viewport, theme
         self.scene = Scene(viewport.plotter, theme.scene)
+        self.surfaces = ViewSurfaces(workspace, fits, queue, self.scene, viewport.kind, self)
         self.station = "scan"
-        self._fits = fits
-        # What each station shows unless told otherwise.
-        self._layers: dict[str, set[Layer]] = {
-            "scan": {"slices"},
-            "grains": {"grains"},
-            "fit": {"grain", "avatar"},
-            "populations": {"grains"},
-            "style": set(),
-            "latent": {"live"},
-            "export": {"avatars"},
-        }
-        self._factors: dict[int, ShapeFactors] = {}
+        self.picking = True
+        self._layers = StationLayers()
         self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
+        self.preview: object = None  # what of an export is looked at, in place of the avatars
         self._tray = TrayCamera(self.scene)
-        self._shown_grain: int | None = None
+        self.surfaces.factors_ready.connect(self.factors_ready)
+        self.surfaces.taken.connect(self.arrange)
         workspace.scan_changed.connect(self._scan_changed)
         workspace.grains_changed.connect(self._grains_changed)
         workspace.selection_changed.connect(self._selection_changed)
@@ -110,62 +76,58 @@ class ViewLink(QObject):
         """Show what belongs to a station."""
         self.station = station
         if station == "export":
-            self._build_avatars()
-        self._arrange()
+            self.surfaces.build_avatars()
+        self.arrange()
 
     def is_shown(self, layer: Layer) -> bool:
         """Return whether a layer is switched on at this station."""
-        return layer in self._layers[self.station]
+        return self._layers.is_shown(self.station, layer)
 
     def show_layer(self, layer: Layer, shown: bool) -> None:
         """Switch a layer on or off at this station."""
-        layers = self._layers[self.station]
-        if shown:
-            layers.add(layer)
-        else:
-            layers.discard(layer)
+        self._layers.switch(self.station, layer, shown)
         if layer == "volume" and shown:
-            self._build_volume()
+            self.surfaces.build_volume()
         if layer == "avatars" and shown:
-            self._build_avatars()
-        self._arrange()
-
-    def arrange(self) -> None:
-        """Bring the layers up to date after another part of the window changed the scene."""
-        self._arrange()
+            self.surfaces.build_avatars()
+        if layer == "deviation" and shown:
+            self.surfaces.build_deviation()
+        self.arrange()
 
     def fit_view(self) -> None:
         """Bring all that is shown into the picture."""
         self.scene.fit()
-        self._draw()
+        self.draw()
 
     def look_from(self, view: View) -> None:
         """Turn to a preset view."""
         self.scene.look_from(view)
-        self._draw()
+        self.draw()
 
     def set_opacity(self, layer: Layer, opacity: float) -> None:
         """Change the opacity of the grain or the avatar at station Fit."""
         self._opacity[layer] = opacity
-        self._arrange()
+        self.arrange()
 
     def move_slice(self, axis: Any, index: int) -> None:
         """Cut the scan elsewhere."""
-        if self.scene.slices is not None:
-            self.scene.slices.move(axis, index)
-            self._draw()
+        slices = self.scene.slices
+        if slices is not None and slices.index[axis] != index:
+            slices.move(axis, index)
+            self._slices_moved()
 
     def switch_slice(self, axis: Any, shown: bool) -> None:
         """Show or hide one slice."""
         if self.scene.slices is not None:
             self.scene.slices.show(axis, shown)
-            self._draw()
+            self._slices_moved()
 
     def set_window(self, low: float, high: float) -> None:
         """Change the grey values shown black and white."""
-        if self.scene.slices is not None:
-            self.scene.slices.set_window(low, high)
-            self._draw()
+        slices = self.scene.slices
+        if slices is not None and slices.window != (low, high):
+            slices.set_window(low, high)
+            self._slices_moved()
 
     def close(self) -> None:
         """Let go of the scene."""
@@ -173,172 +135,70 @@ class ViewLink(QObject):
 
     # ---- what happens --------------------------------------------------------------------------
 
+    def _slices_moved(self) -> None:
+        self.slices_changed.emit()
+        self.draw()
+
     def _scan_changed(self) -> None:
         scan = self.workspace.scan
         self.scene.set_scan(scan)
         if scan is not None and self.is_shown("volume"):
-            self._build_volume()
+            self.surfaces.build_volume()
         self._outline_grains()
         self._focus = None
-        self._arrange(view="isometric")
+        self.arrange(view="isometric")
 
     def _grains_changed(self) -> None:
-        grains = self.workspace.state.grains
-        self._factors.clear()
-        self.scene.set_grains(None)
-        self.scene.set_others(None)
+        self.surfaces.build_grains()
         self._outline_grains()
-        if grains is not None:
-            longest = DETAIL[self.viewport.kind][0]
-            self._build(
-                "grains",
-                lambda: label_surface(grains, longest),
-                lambda surface: self.scene.set_grains(surface, grains.unit),
-                lambda: grains is self.workspace.state.grains,
-            )
-        self._build_chosen()
-        self._arrange()
+        self.surfaces.build_chosen()
+        self.arrange()
 
     def _outline_grains(self) -> None:
         grains, scan = self.workspace.state.grains, self.workspace.scan
         if self.scene.slices is not None and scan is not None:
             fitting = grains is not None and grains.labels.shape == scan.shape
             self.scene.slices.set_labels(grains.labels if grains is not None and fitting else None)
+        self.slices_changed.emit()
 
     def _selection_changed(self) -> None:
         self.scene.select(self.workspace.selected, self.workspace.chosen)
-        self._build_others()
+        self.surfaces.build_others()
         self._build_chosen()
-        self._arrange()
+        self.arrange()
 
     def _fits_changed(self) -> None:
         self._build_chosen()
         if self.station == "export" or self.is_shown("avatars"):
-            self._build_avatars()
+            self.surfaces.build_avatars()
+
+    def _build_chosen(self) -> None:
+        self.surfaces.build_chosen()
+        if self._layers.is_shown("fit", "deviation"):
+            self.surfaces.build_deviation()
 
     def _avatar_moved(self, label: int, live: LiveAvatar) -> None:
         if label != self.workspace.selected:
             return
         self.scene.set_avatar(live.surface)
         self.scene.set_points(live.points)
-        self._draw()
+        if self.scene.has_deviation:
+            self.surfaces.clear_deviation()
+            self.arrange()
+        self.draw()
 
     def _theme_changed(self) -> None:
         self.scene.set_theme(self.theme.scene)
-        self._draw()
+        self.draw()
 
     def _clicked(self, x: float, y: float) -> None:
-        if self.scene.is_shown("grains") or self.scene.is_shown("avatars"):
+        if self.picking and (self.scene.is_shown("grains") or self.scene.is_shown("avatars")):
             label = self.scene.label_at(x, y)
             adding = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
             if not QGuiApplication.keyboardModifiers() & adding:
                 self.workspace.select(label)
             elif label is not None:
                 self.workspace.toggle([label])
-
-    # ---- building in a thread --------------------------------------------------------------------
-
-    def _build(
-        self, key: str, make: Callable[[], Any], take: Callable[[Any], object], wanted: Callable[[], bool]
-    ) -> None:
-        """Make something in the lane ``view`` and put it into the scene if it is still wanted."""
-
-        def done(result: Any) -> None:
-            if wanted():
-                take(result)
-                self._arrange()
-
-        task = Task(f"Drawing {key}", lambda control: make())
-        task.succeeded.connect(done)
-        self.queue.submit(task, lane="view", key=key)
-
-    def _build_volume(self) -> None:
-        scan = self.workspace.scan
-        if scan is not None and not self.scene.has_volume:
-            longest = DETAIL[self.viewport.kind][1]
-            self._build(
-                "the volume",
-                lambda: volume_voxels(scan, longest),
-                self.scene.set_volume,
-                lambda: scan is self.workspace.scan,
-            )
-
-    def _build_chosen(self) -> None:
-        """Build the chosen grain, its avatar and the factors of both."""
-        label, state = self.workspace.selected, self.workspace.state
-        grains = state.grains
-        if label is None or grains is None:
-            self._shown_grain = None
-            self.scene.set_grain(None)
-            self.scene.set_avatar(None)
-            self.scene.set_points(None)
-            self.factors_ready.emit(None, None)
-            return
-        if label != self._shown_grain:
-            self._shown_grain = label
-            for clear in (self.scene.set_grain, self.scene.set_avatar, self.scene.set_points):
-                clear(None)
-            self.factors_ready.emit(None, None)
-        fit = state.fits.get(label)
-        known = self._factors.get(label)
-
-        def make() -> _Chosen:
-            grain = grains.grain(label)
-            return _Chosen(
-                grain_surface(grain),
-                *_drawn_avatar(fit),
-                known or measure(grain),
-                _factors_or_none(fit),
-            )
-
-        def take(chosen: _Chosen) -> None:
-            self._factors[label] = chosen.grain_factors
-            self.scene.set_grain(chosen.grain, grains.unit)
-            if self._fits.running_label != label:
-                self.scene.set_avatar(chosen.avatar)
-                self.scene.set_points(chosen.points)
-            self.factors_ready.emit(chosen.grain_factors, chosen.avatar_factors)
-
-        self._build(
-            "the grain",
-            make,
-            take,
-            lambda: (
-                label == self.workspace.selected
-                and grains is self.workspace.state.grains
-                and fit is self.workspace.state.fits.get(label)
-            ),
-        )
-
-    def _build_others(self) -> None:
-        """Build the grains that are chosen beside the one looked at."""
-        grains, space = self.workspace.state.grains, self.workspace
-        wanted = space.chosen - {space.selected}
-        self.scene.set_others(None)
-        if grains is not None and wanted:
-            longest = DETAIL[self.viewport.kind][0]
-            self._build(
-                "chosen grains",
-                lambda: label_surface(grains, longest, wanted),
-                self.scene.set_others,
-                lambda: grains is space.state.grains and wanted == space.chosen - {space.selected},
-            )
-
-    def _build_avatars(self) -> None:
-        fits, grains = self.workspace.state.fits, self.workspace.state.grains
-        if not fits:
-            self.scene.set_avatars(None)
-            return
-        unit = grains.unit if grains is not None else next(iter(fits.values())).avatar.unit
-        self._build(
-            "the avatars",
-            lambda: avatars_surface(
-                (fit.avatar for fit in fits.values()),
-                40 if len(fits) < 100 else 24 if len(fits) < 500 else 14,
-            ),
-            lambda surface: self.scene.set_avatars(surface, unit),
-            lambda: fits is self.workspace.state.fits,
-        )
 
     @property
     def shows_tray(self) -> bool:
@@ -349,15 +209,16 @@ class ViewLink(QObject):
     def refit_tray(self) -> None:
         """Fit the clones into a view that has another size now."""
         if self._tray.refit():
-            self._draw()
+            self.draw()
 
     # ---- arranging -------------------------------------------------------------------------------
 
-    def _arrange(self, view: View | None = None) -> None:
+    def arrange(self, view: View | None = None) -> None:
         """Show the layers of the station; where they are empty, what comes before them."""
-        state, layers = self.workspace.state, set(self._layers[self.station])
+        state, layers = self.workspace.state, self._layers.shown(self.station)
         whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
-        tray = self.shows_tray and self.scene.gallery.holds_something
+        previewing = self.station == "export" and self.preview is not None
+        tray = self.shows_tray and self.scene.gallery.holds_something and not previewing
         if self.station == "style" and not tray:
             layers = set(whole)
         elif self.station in ("grains", "populations") and state.grains is None:
@@ -366,6 +227,13 @@ class ViewLink(QObject):
             self.station == "export" and not state.fits
         ):
             layers = whole
+        if "deviation" in layers and not self.scene.has_deviation:
+            # Before it is built, while the search runs, and for a grain that has no avatar yet.
+            layers |= {"avatar", "grain"}
+        if previewing:
+            layers = self._layers.shown("export") & {"shape", "envelope"}
+        elif self.station == "export":
+            layers -= {"shape", "envelope"}
         overview = self.station in ("grains", "populations") or (self.station == "style" and not tray)
         if overview and self.workspace.selected is not None and "grains" in layers:
             layers |= {"grain"}
@@ -375,7 +243,8 @@ class ViewLink(QObject):
         self.scene.show_gallery(tray)
         single = self.station == "fit" and self.workspace.selected is not None
         latent = self.station == "latent"
-        focus = (self.workspace.selected if single else None, latent, self.scene.points() is not None)
+        looked_at = self.preview if previewing else self.workspace.selected if single else None
+        focus = (looked_at, latent, self.scene.points() is not None)
         at_tray = self._tray.follow(tray, view is not None)
         if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.
@@ -384,17 +253,10 @@ class ViewLink(QObject):
                 self.scene.look_from(view)
             else:
                 self.scene.fit()
-        self._draw()
+        self.arranged.emit()
+        self.draw()
 
-    def _draw(self) -> None:
+    def draw(self) -> None:
+        """Render once the event loop is free."""
         self.viewport.request_render()
         self.drawn.emit()
-
-
-def _drawn_avatar(fit: FitResult | None) -> tuple[Surface | None, Surface | None]:
-    return (None, None) if fit is None else (avatar_surface(fit.avatar, 72), control_points(fit.avatar))
-
-
-def _factors_or_none(fit: FitResult | None) -> ShapeFactors | None:
-    """Return the avatar's factors; those of an avatar in pieces are not defined."""
-    return measure(fit.avatar) if fit is not None and fit.verdict.pieces == 1 else None

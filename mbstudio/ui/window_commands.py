@@ -6,15 +6,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.latent_commands import latent_commands
 from mbstudio.ui.population_commands import population_commands
 from mbstudio.ui.shell_commands import dock_commands, edit_commands, help_commands, recovery_commands
 from mbstudio.ui.style_commands import style_commands
+from mbstudio.ui.tool_commands import tool_commands
 from mbstudio.ui.view_commands import view_commands
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "View", "Help")
+MENUS = ("File", "Edit", "Grains", "Fit", "Populations", "Style", "Latent", "View", "Help")
 
 
 def window_commands(window: MainWindow) -> list[Command]:
@@ -28,7 +30,9 @@ def window_commands(window: MainWindow) -> list[Command]:
         *_fit(window),
         *population_commands(window),
         *style_commands(window),
+        *latent_commands(window),
         *view_commands(window),
+        *tool_commands(window),
         *dock_commands(window),
         *help_commands(window),
         *_help(window),

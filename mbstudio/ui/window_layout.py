@@ -31,8 +31,11 @@ from mbstudio.ui.panels.population_panel import PopulationPanel
 from mbstudio.ui.panels.scan_panel import ScanPanel
 from mbstudio.ui.panels.style_panel import StylePanel
 from mbstudio.ui.shell_link import ShellLink
+from mbstudio.ui.slice_link import SliceLink
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.tool_commands import TOOLS
 from mbstudio.ui.view_commands import STATIONS
+from mbstudio.ui.view_tools import ViewTools
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.gallery import Gallery
@@ -42,6 +45,7 @@ from mbstudio.ui.widgets.message_bar import MessageBar
 from mbstudio.ui.widgets.plots import ConvergenceCurve
 from mbstudio.ui.widgets.population_dock import PopulationDock
 from mbstudio.ui.widgets.rail import Rail
+from mbstudio.ui.widgets.slice_dock import SliceDock
 from mbstudio.ui.widgets.style_dock import StyleDock
 from mbstudio.ui.widgets.sweep_dock import SweepDock
 from mbstudio.ui.widgets.welcome import Welcome
@@ -89,6 +93,8 @@ class WindowLayout(QMainWindow):
     viewport: Viewport
     commands: CommandTable
     files: FileActions
+    slicing: SliceLink
+    tools: ViewTools
     station: str
     shell: ShellLink
     sweep_shown: bool = False
@@ -106,7 +112,7 @@ class WindowLayout(QMainWindow):
         self.panels_populations = PopulationPanel(self.workspace, self.populations)
         self.panels_style = StylePanel(self.workspace, self.styles, self.clones)
         self.panels_latent = LatentPanel(self.latents, self.icons)
-        self.panels_export = ExportPanel(self.workspace)
+        self.panels_export = ExportPanel(self.workspace, self.theme, self.icons)
         self.panels = {
             "scan": self.panels_scan,
             "grains": self.panels_grains,
@@ -149,9 +155,14 @@ class WindowLayout(QMainWindow):
         self.studio, self.gallery = LatentDock(self.theme, self.icons), Gallery(self.icons)
         self.studio_dock = self._dock("studio", "Latent studio", self.studio, right)
         self.gallery_dock = self._dock("gallery", "Gallery", self.gallery, bottom)
+        self.slice_panes = SliceDock(self.theme)
+        self.slices_dock = self._dock("slices", "Slices", self.slice_panes, right)
         # Plots need the height more than the table needs the width.
         self.setCorner(Qt.Corner.BottomRightCorner, right)
-        for dock in (self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock, self.style_dock):
+        for dock in (
+            self.table_dock, self.curve_dock, self.plots_dock, self.sweep_dock, self.style_dock,
+            self.slices_dock,
+        ):  # fmt: skip
             dock.setTitleBarWidget(self._dock_title(dock))
         for dock in (self.studio_dock, self.gallery_dock):
             dock.setTitleBarWidget(QWidget())
@@ -220,6 +231,7 @@ class WindowLayout(QMainWindow):
                 menu.addAction(self.commands.action(command.id))
         views.setMenu(menu)
         self.view_bar.addWidget(views)
+        self.view_bar.addWidget(self._tools_button())
         centre = QWidget()
         centre.setObjectName("centre")
         layout = QVBoxLayout(centre)
@@ -227,8 +239,21 @@ class WindowLayout(QMainWindow):
         layout.setSpacing(0)
         layout.addWidget(self.view_bar)
         layout.addWidget(self.messages)
+        layout.addWidget(self.tools.bar)
         layout.addWidget(self._pages, 1)
         self.setCentralWidget(centre)
+
+    def _tools_button(self) -> QToolButton:
+        button = QToolButton()
+        self.icons.set(button, "ph.ruler")
+        button.setToolTip("Measure, clip, compare …")
+        button.setAccessibleName("Tools of the view")
+        button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(button)
+        for name in TOOLS:
+            menu.addAction(self.commands.action(name))
+        button.setMenu(menu)
+        return button
 
     def _make_menus(self) -> None:
         self._menus = {name: self.menuBar().addMenu(f"&{name}") for name in MENUS}
@@ -268,11 +293,15 @@ class WindowLayout(QMainWindow):
         shaping = self.station == "latent" and self.latents.learner is not None
         self.studio_dock.setVisible(shaping)
         self.gallery_dock.setVisible(shaping)
+        self.slices_dock.setVisible(self.slicing.wanted and self.slicing.is_offered)
         self.shell.memory.apply()
         for dock in (self.sweep_dock, self.plots_dock, self.studio_dock):
             if dock.isVisible() and dock not in self._sized:
                 self._sized.append(dock)
                 self.resizeDocks([dock], [max(400, self.width() // 3)], Qt.Orientation.Horizontal)
+        if self.slices_dock.isVisible() and self.slices_dock not in self._sized:
+            self._sized.append(self.slices_dock)
+            self.resizeDocks([self.slices_dock], [max(240, self.width() // 5)], Qt.Orientation.Horizontal)
         if self.curve_dock.isVisible() and self._swept != sweeping:
             self.resizeDocks([self.table_dock, self.curve_dock], [580, 280], Qt.Orientation.Horizontal)
         self._swept = sweeping

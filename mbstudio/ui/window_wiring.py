@@ -84,6 +84,7 @@ class WindowWiring:
         if slices is not None:
             self.window.panels_scan.show_window(*slices.window)
             self.window.panels_grains.set_threshold_range(*slices.window)
+        self.window.show_docks()
 
     def _selection_changed(self) -> None:
         chosen, grains = self.window.workspace.selected, self.window.workspace.state.grains

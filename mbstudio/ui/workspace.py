@@ -47,6 +47,7 @@ class Workspace(QObject):
     settings_changed = Signal()
     style_changed = Signal()
     clones_changed = Signal()
+    kept_changed = Signal()
     selection_changed = Signal()
     project_replaced = Signal()
     recent_changed = Signal()
@@ -257,6 +258,8 @@ class Workspace(QObject):
             self.style_changed.emit()
         if all_of_it or now.clones is not before.clones:
             self.clones_changed.emit()
+        if all_of_it or now.kept is not before.kept:
+            self.kept_changed.emit()
         if all_of_it or now.fit_settings != before.fit_settings or now.segmentation != before.segmentation:
             self.settings_changed.emit()
         self.state_changed.emit()

@@ -9,7 +9,10 @@ import pandas as pd
 import pytest
 
 from mbstudio.core.dem.metaball import read_metaball
+from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.vae import learn, load_style_learner
+from mbstudio.core.vae.kept_grain import measured
+from mbstudio.core.vae.latent_recipe import Recipe, style_digest
 from mbstudio.core.vae.meaning_factors import meaning_factors
 from tests.core.vae.boxes import boxes
 
@@ -18,11 +21,6 @@ from tests.core.vae.boxes import boxes
 def style(tmp_path_factory):
     folder = tmp_path_factory.mktemp("latent") / "style"
     return learn(boxes(40, np.random.default_rng(1)), preset="pca").save(folder)
-
-
-@pytest.fixture(autouse=True)
-def few_samples(monkeypatch):
-    monkeypatch.setattr("mbstudio.core.vae.meaning._SAMPLES", 400)
 
 
 def test_a_morph_begins_and_ends_at_its_parents(mbstudio, style, tmp_path):
@@ -105,3 +103,32 @@ def test_an_output_folder_is_needed(mbstudio, style):
     ran = mbstudio("latent", style, "--noise", "1")
     assert ran.code == 1
     assert "-o FOLDER" in ran.err
+
+
+def test_kept_grains_of_a_project_are_exported(mbstudio, tmp_path):
+    learner = learn(boxes(12, np.random.default_rng(1)), preset="pca")
+    recipes = [
+        Recipe(name, tuple(learner.latents[row].tolist()), (), style_digest(learner))
+        for row, name in enumerate(("kept 1", "flat one", "kept 3"))
+    ]
+    path = tmp_path / "sand.mbs"
+    with Project(ProjectState(style=learner, kept=measured(learner, recipes))) as project:
+        project.save(path)
+    to = ("--to", "metaball", "--json")
+    ran = mbstudio("export", path, *to, "--select", "kept", "-o", tmp_path / "all")
+    assert ran.code == 0, ran.err
+    assert (json.loads(ran.out)["avatars"], json.loads(ran.out)["left_out"]) == (3, 0)
+    records = json.loads((tmp_path / "all" / "recipes.json").read_text(encoding="utf-8"))
+    assert [record["name"] for record in records] == ["kept 1", "flat one", "kept 3"]
+    ran = mbstudio("export", path, *to, "--select", "kept:flat one", "-o", tmp_path / "one")
+    assert ran.code == 0, ran.err
+    written = read_metaball(tmp_path / "one" / "flat_one.json")
+    wanted = learner.decode(learner.latents[1:2]).avatar(0)
+    assert written.mesh().volume == pytest.approx(wanted.mesh().volume, rel=1e-3)
+    ran = mbstudio("export", path, *to, "--select", "kept:round one", "-o", tmp_path / "none")
+    assert ran.code != 0
+    assert "no kept grain 'round one': there are kept 1, flat one, kept 3" in ran.err
+    with Project(ProjectState(style=learner)) as project:
+        project.save(tmp_path / "bare.mbs")
+    ran = mbstudio("export", tmp_path / "bare.mbs", *to, "--select", "kept", "-o", tmp_path / "none")
+    assert "holds no kept grains" in ran.err

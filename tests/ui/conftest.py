@@ -17,9 +17,12 @@ from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
 from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project, ProjectState
+from mbstudio.core.vae.meaning import Meanings
+from mbstudio.core.vae.training import learn
 from mbstudio.ui.main_window import MainWindow
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.viewport import Viewport
+from tests.core.vae.boxes import boxes
 
 PATIENCE = 120_000  # milliseconds that a test waits for work before it gives up
 
@@ -184,4 +187,38 @@ def with_grains(window, idle, two_grains):
     """The window with two grains, and no scan that would have to be segmented."""
     window.workspace.replace_project(Project(ProjectState(grains=two_grains)))
     idle()
+    return window
+
+
+@pytest.fixture(scope="session")
+def learner():
+    """A style-learner of boxes."""
+    return learn(boxes(20, np.random.default_rng(2)), preset="pca", seed=0)
+
+
+@pytest.fixture(scope="session")
+def meanings(learner):
+    return Meanings.of(learner)
+
+
+@pytest.fixture
+def rest(qtbot, window, idle):
+    """Wait until nothing is being shown, learned or drawn any more."""
+
+    def wait():
+        for _ in range(2):
+            idle()
+            qtbot.waitUntil(lambda: window.latents.live.is_idle, timeout=PATIENCE)
+            QCoreApplication.processEvents()
+
+    return wait
+
+
+@pytest.fixture
+def shaping(window, rest, learner, meanings, monkeypatch):
+    """The window at station Latent with a style-learner; its meanings are learned once for all tests."""
+    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    window.enter("latent")
+    window.workspace.use_style(learner)
+    rest()
     return window

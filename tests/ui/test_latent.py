@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-from itertools import pairwise
 
 import imageio.v3 as imageio
 import numpy as np
@@ -18,65 +17,14 @@ from mbstudio.core.vae.latent_recipe import Operation
 from mbstudio.core.vae.live_grain import AT_REST, MOVING
 from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
-from mbstudio.core.vae.training import learn
 from mbstudio.scene import camera
 from mbstudio.scene.morph_animation import AnimationError, require_writer
 from mbstudio.ui.latest import LatestOnly
 from mbstudio.ui.widgets.blend_page import STRIP
 from mbstudio.ui.widgets.factor_radar import standing
 from mbstudio.ui.widgets.grain_strip import grain_mime
-from tests.core.vae.boxes import boxes
 from tests.ui.conftest import PATIENCE
-
-
-@pytest.fixture(scope="module")
-def learner():
-    return learn(boxes(20, np.random.default_rng(2)), preset="pca", seed=0)
-
-
-@pytest.fixture(scope="module")
-def meanings(learner):
-    return Meanings.of(learner)
-
-
-@pytest.fixture
-def rest(qtbot, window, idle):
-    """Wait until nothing is being shown, learned or drawn any more."""
-
-    def wait():
-        for _ in range(2):
-            idle()
-            qtbot.waitUntil(lambda: window.latents.live.is_idle, timeout=PATIENCE)
-            QCoreApplication.processEvents()
-
-    return wait
-
-
-@pytest.fixture
-def shaping(window, rest, learner, meanings, monkeypatch):
-    """The window at station Latent with a style-learner; its meanings are learned once for all tests."""
-    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
-    window.enter("latent")
-    window.workspace.use_style(learner)
-    rest()
-    return window
-
-
-def drag(slider, *shares):
-    """Press a slider's handle, drag it to each share of its length, and let it go there."""
-    button = Qt.MouseButton.LeftButton
-    places = [QPoint(round(7 + share * (slider.width() - 14)), slider.height() // 2) for share in shares]
-    QTest.mousePress(slider, button, pos=places[0])
-    for start, end in pairwise(places):
-        for step in (0.34, 0.67, 1.0):
-            QTest.mouseMove(slider, start + (end - start) * step)
-            QTest.qWait(5)
-    QTest.mouseRelease(slider, button, pos=places[-1])
-
-
-def changed(before, after):
-    """Share of the pixels of two pictures that differ."""
-    return float((np.abs(before.astype(int) - after).max(axis=2) > 12).mean())
+from tests.ui.hand import changed, drag
 
 
 def test_without_a_style_learner_the_panel_explains(window, idle, rest, learner, tmp_path):
@@ -165,9 +113,10 @@ def test_components_stand_by_their_effect_with_box_and_zero(shaping, rest, learn
     assert shown[0] == effects.max()
     work, k = window.latents, next(iter(window.panels_latent.components))
     slider = window.panels_latent.components[k]
-    slider.box.setValue(slider.box.maximum() / 2)
+    wanted = round(float(work.about.mean[k] + work.about.reach[k] / 2), 3)
+    slider.box.setValue(wanted)
     rest()
-    assert work.stance.latent[k] == pytest.approx(slider.box.maximum() / 2, abs=1e-9)
+    assert work.stance.latent[k] == pytest.approx(wanted, abs=1e-9)
     QTest.mouseDClick(slider.slider, Qt.MouseButton.LeftButton, pos=QPoint(20, slider.slider.height() // 2))
     rest()
     assert work.stance.latent[k] == pytest.approx(work.about.mean[k], abs=1e-9)
@@ -372,6 +321,52 @@ def test_the_last_wish_wins_and_none_queues_up(qtbot):
     qtbot.waitUntil(lambda: bool(failed))
     assert "invalid literal" in failed[0]
     assert latest.close()
+
+
+def test_the_next_wish_is_begun_when_the_last_result_was_taken(qtbot):
+    """What nobody has time to show would be made in vain, and older than what is wished by then."""
+    latest, begun, made = LatestOnly("test"), [], threading.Event()
+
+    def work(number):
+        begun.append(number)
+        made.set()
+        return number
+
+    latest.ask(lambda: work(0))
+    assert made.wait(10)
+    for number in range(1, 9):  # the main thread is busy and takes nothing
+        latest.ask(lambda number=number: work(number))
+        threading.Event().wait(0.01)
+    assert begun == [0]
+    qtbot.waitUntil(lambda: latest.is_idle)
+    assert begun == [0, 8]
+    assert latest.close()
+
+
+def test_pictures_are_plain_under_the_hand_and_smooth_at_rest(shaping, rest):
+    viewport = shaping.viewport
+    viewport.render_now()
+    smooth, samples = viewport.picture(), viewport.plotter.render_window.GetMultiSamples()
+    slider = shaping.panels_latent.meanings["csf"].slider
+    plain = []
+    shaping.latents.grain_changed.connect(lambda: plain.append(viewport.is_draft))
+    drag(slider, 0.5, 0.4)
+    rest()
+    assert plain[0]
+    assert not plain[-1]
+    assert not viewport.is_draft
+    viewport.render_now()
+    assert viewport.plotter.render_window.GetMultiSamples() == samples
+    shaping.commands.run("edit.undo")
+    rest()
+    assert changed(smooth, viewport.picture()) == 0.0
+    # The view is turned with plain pictures, too.
+    QTest.mousePress(viewport, Qt.MouseButton.LeftButton, pos=QPoint(100, 100))
+    QTest.mouseMove(viewport, QPoint(140, 100))
+    if viewport.kind == "software":
+        assert viewport.is_draft
+    QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(140, 100))
+    assert not viewport.is_draft
 
 
 def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tmp_path):

@@ -1,6 +1,7 @@
 """Export of avatars to DEM engines, one module a target behind one registry."""
 
 from mbstudio.core.dem.clump import Clump, sphere_clump
+from mbstudio.core.dem.clump_target import ClumpTarget, TargetClump, clump_for_target
 from mbstudio.core.dem.exporting import ExportReport, export, validate
 from mbstudio.core.dem.metaball import read_metaball
 from mbstudio.core.dem.specimen import Specimen, SpecimenPlan, make_specimen, target_curve
@@ -8,11 +9,14 @@ from mbstudio.core.dem.target import Option, Target, targets
 
 __all__ = [
     "Clump",
+    "ClumpTarget",
     "ExportReport",
     "Option",
     "Specimen",
     "SpecimenPlan",
     "Target",
+    "TargetClump",
+    "clump_for_target",
     "export",
     "make_specimen",
     "read_metaball",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -12,22 +13,51 @@ from jaxtyping import Float
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump, sphere_clump
+from mbstudio.core.dem.clump_target import ClumpTarget, clump_for_target
 from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.target import Job, Option
 from mbstudio.core.errors import ExportError
 
-SPHERES = Option(40, "spheres in each clump", 2, 2000)
+CLUMP_TARGET = "clump_target"
 POURED = Option(10, "particles that the example deck pours", 1, 100000)
-OPTIONS = MappingProxyType({"spheres": SPHERES})
+OPTIONS = MappingProxyType(
+    {
+        "spheres": Option(40, "spheres in each clump", 2, 2000),
+        CLUMP_TARGET: Option(
+            "",
+            "what each clump is to reach, in place of a number of spheres: iou 0.95, hausdorff 3 %, "
+            "volume 1 %, inertia 1 %, joined by 'and'; 'and n 200' sets the most spheres",
+        ),
+    }
+)
+WITH_DECK: Mapping[str, Option] = MappingProxyType({**OPTIONS, "poured": POURED})
 
 
 def fitted_clumps(job: Job) -> list[Clump]:
-    """Fit a clump to every body of an export, in its principal frame."""
+    """Fit a clump to every body of an export, in its principal frame.
+
+    What became of a target goes into ``job.remarks``, by the names of the bodies.
+    """
+    target = str(job.options[CLUMP_TARGET]).strip()
+    wanted = ClumpTarget.parse(target) if target else None
     clumps = []
     for index, body in enumerate(job.bodies):
-        job.progress(index / len(job.bodies), f"Fitting spheres to {body.name}")
-        clumps.append(sphere_clump(body.avatar, int(job.options["spheres"])))
+        before = index / len(job.bodies)
+        job.progress(before, f"Fitting spheres to {body.name}")
+        if wanted is None:
+            clumps.append(sphere_clump(body.avatar, int(job.options["spheres"])))
+            continue
+        tell = partial(_told_about, job, before, body.name)
+        found = clump_for_target(body.avatar, wanted, progress=tell, fit=sphere_clump)
+        job.remarks[body.name] = {"clump_target": str(wanted), "reached": dict(found.values)}
+        if found.warning:
+            job.remarks[body.name]["warnings"] = [f"{body.name}: {found.warning}"]
+        clumps.append(found.clump)
     return clumps
+
+
+def _told_about(job: Job, before: float, name: str, _fraction: float, said: str) -> None:
+    job.progress(before, f"{name}: {said}")
 
 
 def sphere_rows(clump: Clump) -> Float[np.ndarray, "n 4"]:
@@ -44,6 +74,7 @@ def describe_clump(clump: Clump, body: DemBody) -> dict[str, Any]:
         "largest_radius": float(clump.radii.max()),
         "iou": clump.iou,
         "volume_ratio": clump.volume_ratio,
+        "inertia_error": clump.inertia_error,
         "mean_distance": clump.mean_distance,
         "hausdorff": clump.hausdorff,
         "hausdorff_over_nominal_diameter": clump.hausdorff / diameter,

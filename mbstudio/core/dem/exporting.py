@@ -145,7 +145,7 @@ def export(
             write_specimen(temporary, particles)
             shared = (*shared, SPECIMEN_NAME)
         items = [
-            describe_body(body, density, files, details)
+            describe_body(body, density, files, {**details, **job.remarks.get(body.name, {})})
             for body, files, details in zip(bodies, written.item_files, written.item_details, strict=True)
         ]
         manifest = make_manifest(target, unit, density, settings, items, shared, temporary)

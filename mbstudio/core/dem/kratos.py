@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,7 @@ import numpy as np
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
 from mbstudio.core.dem.clump_files import (
-    POURED,
-    SPHERES,
+    WITH_DECK,
     check_spheres,
     describe_clumps,
     fitted_clumps,
@@ -135,6 +133,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=MappingProxyType({"spheres": SPHERES, "poured": POURED}),
+    options=WITH_DECK,
     units=("m",),
 )

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump import Clump
-from mbstudio.core.dem.clump_files import POURED, SPHERES, check_spheres, describe_clump, fitted_clumps
+from mbstudio.core.dem.clump_files import WITH_DECK, check_spheres, describe_clump, fitted_clumps
 from mbstudio.core.dem.lammps_deck import DECK_NAME, pouring_deck
 from mbstudio.core.dem.lammps_specimen import check_specimen_files, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
@@ -169,6 +168,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=MappingProxyType({"spheres": SPHERES, "poured": POURED}),
+    options=WITH_DECK,
     units=("m",),
 )

@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.dem.clump_files import (
+    OPTIONS,
     POURED,
-    SPHERES,
     check_spheres,
     describe_clumps,
     fitted_clumps,
@@ -149,7 +149,7 @@ TARGET = Target(
     validate=validate,
     options=MappingProxyType(
         {
-            "spheres": SPHERES,
+            **OPTIONS,
             "poured": POURED,
             "classes": Option(6, "sizes of each avatar that the deck of a specimen inserts", 1, 200),
             "ntry": Option(

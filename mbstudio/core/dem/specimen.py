@@ -141,6 +141,40 @@ def target_curve(
     return SizeDistribution(x, y, parse_unit(unit), sieves)
 
 
+@dataclass(frozen=True, eq=False)
+class SpecimenKinds:
+    """What a specimen needs to know of the avatars that it is made of.
+
+    Attributes
+    ----------
+    names : tuple of str
+    sizes : float array, shape (kinds,)
+        Intermediate axes, in unit.
+    volumes : float array, shape (kinds,)
+        In unit**3.
+    reaches : float array, shape (kinds,)
+        Radii of the bounding spheres about the centre of mass, in unit.
+    unit : str
+    """
+
+    names: tuple[str, ...]
+    sizes: Float[np.ndarray, " kinds"]
+    volumes: Float[np.ndarray, " kinds"]
+    reaches: Float[np.ndarray, " kinds"]
+    unit: str
+
+    @classmethod
+    def of(cls, bodies: Sequence[DemBody], unit: str) -> SpecimenKinds:
+        """Measure avatars, which are in `unit`."""
+        return cls(
+            tuple(body.name for body in bodies),
+            np.array([measure(body.avatar).intermediate for body in bodies]),
+            np.array([body.mass.volume for body in bodies]),
+            np.array([_reach(body.avatar) for body in bodies]),
+            unit,
+        )
+
+
 def make_specimen(bodies: Sequence[DemBody], plan: SpecimenPlan, unit: str) -> Specimen:
     """Choose, scale, turn and place the particles of a specimen.
 
@@ -156,29 +190,31 @@ def make_specimen(bodies: Sequence[DemBody], plan: SpecimenPlan, unit: str) -> S
     ExportError
         If a share names no avatar or is negative, or a grain is wider than the box.
     """
+    return specimen_of(SpecimenKinds.of(bodies, unit), plan)
+
+
+def specimen_of(kinds: SpecimenKinds, plan: SpecimenPlan) -> Specimen:
+    """Return the specimen of avatars that are measured already; see :func:`make_specimen`."""
     rng = np.random.default_rng(plan.seed)
-    names = tuple(body.name for body in bodies)
-    factor = conversion_factor(plan.curve.unit, unit)
-    own_sizes = np.array([measure(body.avatar).intermediate for body in bodies])
-    reaches = np.array([_reach(body.avatar) for body in bodies])
+    factor = conversion_factor(plan.curve.unit, kinds.unit)
     sizes = draw_sizes(plan.curve, plan.count, rng) * factor
-    kinds = _spread_kinds(_shares_of(names, plan.shares), plan.count, rng)
-    scales = sizes / own_sizes[kinds]
-    radii = reaches[kinds] * scales * _SLACK
+    chosen = _spread_kinds(_shares_of(kinds.names, plan.shares), plan.count, rng)
+    scales = sizes / kinds.sizes[chosen]
+    radii = kinds.reaches[chosen] * scales * _SLACK
     half = _half_width(radii, plan.width, factor)
     positions, top = scattered(radii, half, 0.05 * float(radii.max()), 0.12, rng)
     return Specimen(
-        names,
-        kinds,
+        kinds.names,
+        chosen,
         scales,
         sizes,
         positions,
         random_quaternions(plan.count, rng),
         half,
         top,
-        np.array([body.mass.volume for body in bodies]),
-        reaches,
-        unit,
+        kinds.volumes,
+        kinds.reaches,
+        kinds.unit,
     )
 
 

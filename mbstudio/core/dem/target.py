@@ -9,7 +9,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.errors import ExportError
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbstudio.core.dem.specimen import Specimen
 
 Progress = Callable[[float, str], None]
+Geometry = Literal["clump", "mesh", "grid", "metaball"]
 
 _MODULES = (
     "stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos", "peclet", "yade", "yade_level_set",
@@ -64,6 +65,8 @@ class Job:
         To be called with the fraction done; it raises to cancel.
     specimen : Specimen or None
         Particles that are to be poured, in `unit`.
+    remarks : dict
+        What a target wants the manifest to say further about a body, by its name; ``warnings`` are told.
     """
 
     bodies: Sequence[DemBody]
@@ -73,6 +76,7 @@ class Job:
     options: Mapping[str, Any]
     progress: Progress
     specimen: Specimen | None = None
+    remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,15 @@ class Target:
     validate: Callable[[Path, Mapping[str, Any]], None]
     options: Mapping[str, Option] = field(default_factory=lambda: MappingProxyType({}))
     units: tuple[str, ...] = ()
+
+    @property
+    def geometry(self) -> Geometry:
+        """As what a grain is handed over, told by what can be chosen about it."""
+        if "spheres" in self.options:
+            return "clump"
+        if "padding" in self.options:
+            return "grid"
+        return "mesh" if "cells" in self.options else "metaball"
 
 
 @cache

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump_files import (
-    POURED,
-    SPHERES,
+    WITH_DECK,
     check_spheres,
     describe_clumps,
     fitted_clumps,
@@ -105,6 +103,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=MappingProxyType({"spheres": SPHERES, "poured": POURED}),
+    options=WITH_DECK,
     units=("m",),
 )

@@ -113,7 +113,13 @@ def volume_and_area(
     control: Float64[np.ndarray, "4 n"], cells: int = 64, bounds: Float64[np.ndarray, "2 3"] | None = None
 ) -> tuple[float, float]:
     """Return volume and surface area of f >= 1 by quadrature on a grid, `cells` on the longest side."""
-    field, origin, spacing = sample_solid(control, cells, bounds)
+    return volume_and_area_on_grid(*sample_solid(control, cells, bounds), control)
+
+
+def volume_and_area_on_grid(
+    field: np.ndarray, origin: Float64[np.ndarray, "3"], spacing: float, control: Float64[np.ndarray, "4 n"]
+) -> tuple[float, float]:
+    """Return volume and surface area by quadrature on a grid that :func:`sample_solid` made of f."""
     volume, area = _quadrature(1.0 / np.sqrt(field), origin, spacing, control)
     return float(volume), float(area)
 

@@ -93,7 +93,7 @@ def group_root(parent, i):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _lowest_between(control, a, b, samples, enough):  # pragma: no cover - compiled
+def lowest_between(control, a, b, samples, enough):  # pragma: no cover - compiled
     """Return the lowest f on the line between control points a and b; any value below `enough` does."""
     lowest = np.inf
     for step in range(1, samples):
@@ -119,20 +119,20 @@ def nearest_link(control, piece, samples):  # pragma: no cover - compiled
         for b in range(a):
             if piece[a] == piece[b]:
                 continue
-            lowest = _lowest_between(control, a, b, samples, best)
+            lowest = lowest_between(control, a, b, samples, best)
             if lowest > best:
                 best, at_a, at_b = lowest, a, b
     return at_a, at_b, best
 
 
 @njit(cache=True, nogil=True)
-def _join_by_lines(control, parent, samples):  # pragma: no cover - compiled
+def join_by_lines(control, parent, samples):  # pragma: no cover - compiled
     """Join control points of different groups where the line between them stays in the solid."""
     n = control.shape[1]
     for a in range(n):
         for b in range(a):
             ra, rb = group_root(parent, a), group_root(parent, b)
-            if ra != rb and _lowest_between(control, a, b, samples, 1.0) >= 1.0:
+            if ra != rb and lowest_between(control, a, b, samples, 1.0) >= 1.0:
                 parent[max(ra, rb)] = min(ra, rb)
     for a in range(n):
         parent[a] = group_root(parent, a)
@@ -170,7 +170,7 @@ def _groups(
     for i in np.flatnonzero(label_of).tolist():
         parent[i] = first.setdefault(int(label_of[i]), i)
     if len(np.unique(parent)) > 1:
-        _join_by_lines(control, parent, 64)
+        join_by_lines(control, parent, 64)
     nodes = np.zeros(n)
     for label, i in first.items():
         nodes[parent[i]] += sizes[label]

@@ -1,6 +1,6 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
-Layout (schema 2); every text is UTF-8, nothing is pickled::
+Layout (schema 3); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest; voxels, if embedded
@@ -10,8 +10,10 @@ Layout (schema 2); every text is UTF-8, nothing is pickled::
     /fit_settings    attributes
     /fits            see mbstudio.core.project.fit_table
     /style, /clones  see mbstudio.core.project.style_table; only where there are some
+    /kept            see mbstudio.core.project.kept_table; only where there are some
 
-Schema 1 has neither style nor clones, and is what a project without them is written in.
+Schema 1 has neither style nor clones, schema 2 no kept grains: a project is written in the lowest that
+holds it.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ import numpy as np
 import mbstudio
 from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.project.fit_table import read_fits, write_fits
+from mbstudio.core.project.kept_table import read_kept, write_kept
 from mbstudio.core.project.replacement import replacing
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
@@ -43,8 +46,8 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 2
-_WITHOUT_STYLE = 1
+SCHEMA = 3
+_WITHOUT_KEPT, _WITHOUT_STYLE = 2, 1
 
 # Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
 # checksum tells of damage that the file's structure does not show.
@@ -155,8 +158,9 @@ def _require_readable_schema(file: h5py.File, path: Path) -> None:
 
 
 def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
-    # A project without style stays readable to older versions, which would lose one unseen.
-    schema = _WITHOUT_STYLE if state.style is None and state.clones is None else SCHEMA
+    # What older versions would lose unseen keeps them away; all else stays readable to them.
+    styled = state.style is not None or state.clones is not None
+    schema = SCHEMA if state.kept else _WITHOUT_KEPT if styled else _WITHOUT_STYLE
     file.attrs.update(format=FORMAT, schema=schema, written_by=f"mbstudio {mbstudio.__version__}")
     if state.scan is not None:
         _write_scan(file.create_group("scan"), path, state.scan, voxels)
@@ -170,6 +174,8 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         write_style(file.create_group("style"), state.style)
     if state.clones is not None:
         write_clones(file.create_group("clones"), state.clones)
+    if state.kept:
+        write_kept(file.create_group("kept"), state.kept)
 
 
 def _read_state(file: h5py.File, path: Path) -> ProjectState:
@@ -187,6 +193,7 @@ def _read_state(file: h5py.File, path: Path) -> ProjectState:
         fit_settings=_read_record(file["fit_settings"], FitSettings),
         style=read_style(file["style"], path) if "style" in file else None,
         clones=read_clones(file["clones"], path) if "clones" in file else None,
+        kept=read_kept(file["kept"]) if "kept" in file else (),
     )
 
 

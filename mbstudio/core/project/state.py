@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
     from mbstudio.core.vae.generation import Generation
+    from mbstudio.core.vae.kept_grain import KeptGrain
     from mbstudio.core.vae.style_learner import StyleLearner
 
 
@@ -72,6 +73,8 @@ class ProjectState:
         What was learned of the form of grains.
     clones : Generation or None
         New grains in a style, made last.
+    kept : tuple of KeptGrain
+        Grains shaped by hand, of any style-learner that the project had.
     """
 
     scan: ScanReference | None = None
@@ -81,6 +84,7 @@ class ProjectState:
     fit_settings: FitSettings = field(default_factory=FitSettings)
     style: StyleLearner | None = None
     clones: Generation | None = None
+    kept: tuple[KeptGrain, ...] = ()
 
     def with_fits(self, added: Mapping[int, FitResult]) -> ProjectState:
         """Return this state with fits added (or replaced) by label."""

@@ -11,6 +11,7 @@ from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.features import Scaler, character
+from mbstudio.core.vae.joining import held_together
 from mbstudio.core.vae.networks import apply_network, network_shapes
 from mbstudio.core.vae.principal import PrincipalComponents, principal_components
 from mbstudio.core.vae.radii import direction_exchange, log_radii
@@ -159,7 +160,7 @@ class AlignedModel:
             vectors = self.decode_core(latents[:, : self.core])
             if len(self.left.parities):
                 vectors = vectors + self.left.vectors(latents[:, self.core :])
-            return self.scaler.avatars(vectors, names)
+            return held_together(self.scaler.avatars(vectors, names))
 
     def encode_core(self, avatars: Serialization) -> Float64[np.ndarray, "avatars core"]:
         """Return the means of the latents of the model proper."""

@@ -1,7 +1,8 @@
 """How a grain was shaped by hand: its operations one by one, so that it can be made again.
 
 Every operation is a pure function of the style-learner, the latent vector before it and what it was
-given; its randomness is a seed. What it leads to is kept within the parents' range.
+given; its randomness is a seed. What it leads to is kept within the parents' range unless it is given
+`BEYOND`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from mbstudio.core.vae.style_learner import StyleLearner
 if TYPE_CHECKING:
     from mbstudio.core.vae.meaning import Meanings
 
+BEYOND = "beyond"
+"""What an operation is given with True where it may lead far outside the parents."""
 _ON_THE_WAY = 2
 """How often the grain is measured on the way to a value: a slider must not wait for more."""
 _CORRECTIONS = 4
@@ -130,7 +133,9 @@ def carried_out(
     operation: Operation,
     meanings: Meanings | None = None,
 ) -> tuple[Float64[np.ndarray, " d"], bool]:
-    """Return the latent vector after an operation, and whether it had to be held within the parents' range.
+    """Return the latent vector after an operation, and whether that led beyond the parents' range.
+
+    There it is held at the edge of the range, unless the operation is given `BEYOND`.
 
     Raises
     ------
@@ -146,8 +151,9 @@ def carried_out(
         moved = OPERATIONS[operation.kind](learner, here, operation.given, meanings)
     except KeyError as error:
         raise StyleError(f"Operation '{operation.kind}' lacks {error}.") from None
-    held = by_hand.is_far_outside(learner, moved)
-    return (by_hand.clamped(learner, moved) if held else moved), held
+    outside = by_hand.is_far_outside(learner, moved)
+    held = outside and not operation.given.get(BEYOND)
+    return (by_hand.clamped(learner, moved) if held else moved), outside
 
 
 # ---- the operations --------------------------------------------------------------------------------
@@ -174,10 +180,7 @@ def _reach(
     """Bring one meaning to a value, given in standard deviations about the parents' mean."""
     known = _required(meanings)
     name = given["meaning"]
-    if name not in MEANINGS:
-        raise StyleError(f"'{name}' is no meaning of the latent space: use {', '.join(MEANINGS)}.")
-    now = float(known.units(known.factors(here[None]))[0, MEANINGS.index(name)])
-    moved = known.moved(here, {name: float(given["to"]) - now}, corrections=_ON_THE_WAY)
+    moved = known.brought(here, {name: float(given["to"])}, corrections=_ON_THE_WAY)
     return _locked(learner, here, moved, given, None)
 
 
@@ -229,11 +232,9 @@ def _locked(
     moved = np.array(after)
     moved[components] = before[components]
     if names and meanings is not None:
-        units = meanings.units(meanings.factors(np.stack([before, moved])))
-        back = {
-            name: float(units[0, MEANINGS.index(name)] - units[1, MEANINGS.index(name)]) for name in names
-        }
-        moved = meanings.moved(moved, back, corrections=_CORRECTIONS)
+        units = meanings.units(meanings.factors(before[None]))[0]
+        back = {name: float(units[MEANINGS.index(name)]) for name in names}
+        moved = meanings.brought(moved, back, corrections=_CORRECTIONS)
         moved[components] = before[components]
     return moved
 

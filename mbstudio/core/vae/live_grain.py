@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.metaball.field import field_and_gradient_at
-from mbstudio.core.metaball.surface import sample_solid, volume_and_area
+from mbstudio.core.metaball.field import field_and_gradient_at, solid_bounds
+from mbstudio.core.metaball.surface import sample_solid, volume_and_area_on_grid
 from mbstudio.core.metaball.topology import topology
 from mbstudio.core.vae.latent import checked_latent
 from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
@@ -17,6 +17,9 @@ from mbstudio.core.vae.style_learner import StyleLearner
 
 MOVING, AT_REST = 48, 96
 """Grid cells along the longest side while a slider moves, and when it has come to rest."""
+_FINEST_MOVING = 64
+"""Cells up to which pieces, voids and handles are looked into while a slider moves: a doubtful body must not
+hold the hand up; at rest they are looked into in full."""
 _MEASURING = 48
 """Cells for volume and area, the same at every level of detail so that the numbers do not jump."""
 
@@ -90,9 +93,13 @@ def live_grain(
     vector = checked_latent(learner, latent)
     decoded = learner.decode(vector[None], names=(name,))
     avatar = decoded.avatar(0)
-    points, triangles, normals = quick_surface(avatar.control, cells)
-    volume, area = volume_and_area(avatar.control, _MEASURING)
-    made_of = topology(avatar.control)
+    control = avatar.control
+    bounds = solid_bounds(control)
+    grid = sample_solid(control, cells, bounds)
+    points, triangles, normals = surface_on_grid(*grid, control)
+    measured = grid if cells == _MEASURING else sample_solid(control, _MEASURING, bounds)
+    volume, area = volume_and_area_on_grid(*measured, control)
+    made_of = topology(control, MOVING, _FINEST_MOVING) if cells <= MOVING else topology(control)
     return LiveGrain(
         vector, avatar, points, triangles, normals, volume, area, meaning_factors(decoded)[0],
         made_of.pieces, made_of.voids, cells,
@@ -102,6 +109,13 @@ def live_grain(
 def quick_surface(
     control: Float64[np.ndarray, "4 n"], cells: int
 ) -> tuple[Float32[np.ndarray, "m 3"], Int64[np.ndarray, "t 3"], Float32[np.ndarray, "m 3"]]:
+    """Return points, outward triangles and normals of f = 1, `cells` along the longest side."""
+    return surface_on_grid(*sample_solid(control, cells), control)
+
+
+def surface_on_grid(
+    field: np.ndarray, origin: Float64[np.ndarray, "3"], spacing: float, control: Float64[np.ndarray, "4 n"]
+) -> tuple[Float32[np.ndarray, "m 3"], Int64[np.ndarray, "t 3"], Float32[np.ndarray, "m 3"]]:
     """Return points, outward triangles and normals of f = 1: the field's gradient moves and shades them.
 
     One Newton step puts the corners where they belong and the same gradient is their normal, so that the
@@ -109,7 +123,6 @@ def quick_surface(
     """
     from skimage.measure import marching_cubes
 
-    field, origin, spacing = sample_solid(control, cells)
     with np.errstate(divide="ignore"):
         away = 1.0 / np.sqrt(field)
     # A node exactly on the surface would collapse the triangles around it.

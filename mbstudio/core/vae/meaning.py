@@ -1,9 +1,8 @@
 """Directions of meaning in the latent space: flatter, rounder, rougher, larger, the rest held still.
 
-What a latent vector means is learned by regression from many drawn grains: a quadratic function of the
-latents for every factor. A step along a meaning is then the smallest change of the latents, measured by
-the parents' covariance, that gives the factor what is asked for and leaves the others as they are; what
-the regression misses is corrected on the decoded grain itself.
+A step along a meaning is the smallest change of the latents, measured by the parents' covariance, that
+gives the factor what is asked for and leaves the others as they are. It is found on the decoded grain
+itself, with the exact derivatives of its factors.
 """
 
 from __future__ import annotations
@@ -16,34 +15,37 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import StyleError
-from mbstudio.core.vae.factor_regression import FactorRegression
+from mbstudio.core.vae.factor_search import FactorSearch, Place
+from mbstudio.core.vae.form_bound import FLATTEST, highest_sphericity
 from mbstudio.core.vae.latent import checked_latent
 from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
 from mbstudio.core.vae.sampling import flip_moments
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.style_learner import StyleLearner
 
-_SAMPLES = 2000
-_PART = 50
+_PARTS = 50
 """Grains measured between two reports of progress."""
-_STEP = 0.5
-"""Longest step, in standard deviations of a factor, for which the regression's slope is taken as constant."""
-_CORRECTIONS = 4
-_SHARES_OF_WAY = (1.0, 0.6, 0.3, 0.0)
-_MISSED = 0.05
-"""Standard deviations of a factor that a sum of grains may miss."""
+_ROUNDS = 8
+_ASKED, _HELD = 0.05, 0.2
+"""Standard deviations by which an asked factor may be missed for every one by which others drift."""
+_LEAST_STEP = 0.25
 _BEYOND = 0.5
 """Standard deviations beyond the parents' own range that a step may strive for."""
+_SUMMED, _ROUGHER = 0.05, 5.0
+"""Share of a factor's change that a sum of grains may miss, and how many times more of roughness."""
+_SHARES_OF_WAY = (1.0, 0.5, 0.0)
+_SHARED = 5.0
+"""How many times more than its share a factor may miss before less of a sum's way is gone."""
+_STARTS = 4
+_PRICES = (0.05, 0.002, 0.0001)
+_DESIGN_ROUNDS = 15
+_CONTENT = 0.25
+"""Share of the tolerance within which a design asks for no other start."""
 
 HELD: Mapping[str, tuple[str, ...]] = {
-    "size": ("elongation", "csf", "sphericity", "roughness"),
-    "elongation": ("size", "csf", "sphericity"),
-    "csf": ("size", "elongation", "sphericity"),
-    "sphericity": ("size", "elongation", "csf"),
-    "roughness": ("size", "elongation", "csf"),
+    name: tuple(other for other in MEANINGS if other != name) for name in MEANINGS
 }
-"""What each meaning holds still. A grain of given form is the less spherical the rougher it is, so that
-sphericity and roughness cannot hold each other."""
+"""What each meaning holds still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,35 +55,20 @@ class Meanings:
     Attributes
     ----------
     learner : StyleLearner
-    regression : FactorRegression
-    mean, deviation : float array, shape (5,)
-        Of the factors of `MEANINGS` among the parents: one unit along a meaning is one deviation.
-    reach : float array, shape (2, 5)
-        Lowest and highest factor that a step strives for: those of the parents, and a little beyond.
-    covariance : float array, shape (d, d)
-        Of the parents' latents in all their flips.
+    known : float array, shape (parents, 5)
+        Factors of `MEANINGS` of the parents, as the learner rebuilds them.
     """
 
     learner: StyleLearner
-    regression: FactorRegression
-    mean: Float[np.ndarray, "5"]
-    deviation: Float[np.ndarray, "5"]
-    reach: Float[np.ndarray, "2 5"]
-    covariance: Float[np.ndarray, "d d"]
+    known: Float[np.ndarray, "parents 5"]
 
     @classmethod
-    def of(
-        cls, learner: StyleLearner, seed: int = 0, samples: int | None = None, *,
-        on_progress: Callable[[float], object] | None = None,
-    ) -> Meanings:  # fmt: skip
-        """Return the meaning directions of a style-learner, learned from grains that it draws.
+    def of(cls, learner: StyleLearner, *, on_progress: Callable[[float], object] | None = None) -> Meanings:
+        """Return the meaning directions of a style-learner: its parents are measured.
 
         Parameters
         ----------
         learner : StyleLearner
-        seed : int
-        samples : int, optional
-            Grains drawn, 2,000 by default: some seconds.
         on_progress : callable, optional
             Told how far it is, 0 to 1; what it raises ends the work.
 
@@ -90,7 +77,7 @@ class Meanings:
         StyleError
             If the parents are all alike in a factor.
         """
-        known = meaning_factors(learner.decode(learner.latents))
+        known = _measured_in_parts(learner.decode(learner.latents), on_progress)
         deviation = known.std(axis=0, ddof=1) if len(known) > 1 else np.zeros(len(MEANINGS))
         flat = [name for name, value in zip(MEANINGS, deviation, strict=True) if not value > 1e-9]
         if flat:
@@ -98,15 +85,35 @@ class Meanings:
                 f"The parents do not differ in {', '.join(flat)}: such a direction has no meaning for them. "
                 "Learn from grains that differ."
             )
-        drawn = learner.sample(samples or _SAMPLES, seed)
-        found = _measured_in_parts(drawn.serialization, on_progress)
-        regression = FactorRegression.of(drawn.latents, found, learner.signs)
-        signs = np.ones((8, learner.dimension)) if learner.signs is None else learner.signs
-        covariance = flip_moments(learner.latents, signs)[1]
-        beyond = _BEYOND * deviation
-        reach = np.stack([known.min(axis=0) - beyond, known.max(axis=0) + beyond])
-        reach[1, 1:4] = np.minimum(reach[1, 1:4], 0.5 + 0.5 * known.max(axis=0)[1:4])
-        return cls(learner, regression, known.mean(axis=0), deviation, reach, covariance)
+        return cls(learner, known)
+
+    @cached_property
+    def mean(self) -> Float64[np.ndarray, "5"]:
+        """Mean of the factors among the parents."""
+        return np.asarray(self.known.mean(axis=0))
+
+    @cached_property
+    def deviation(self) -> Float64[np.ndarray, "5"]:
+        """Standard deviation of the factors among the parents: one unit along a meaning."""
+        return np.asarray(self.known.std(axis=0, ddof=1))
+
+    @cached_property
+    def reach(self) -> Float64[np.ndarray, "2 5"]:
+        """Lowest and highest factor that a step strives for: those of the parents, and a little beyond."""
+        low, high = self.known.min(axis=0), self.known.max(axis=0)
+        reach = np.stack([low - _BEYOND * self.deviation, high + _BEYOND * self.deviation])
+        # Ratios are at most 1, and roughness is at least 0.
+        reach[1, 1:4] = np.minimum(reach[1, 1:4], 0.5 + 0.5 * high[1:4])
+        reach[0, 4] = max(float(reach[0, 4]), 0.5 * float(low[4]))
+        return reach
+
+    @cached_property
+    def search(self) -> FactorSearch:
+        """How latent vectors of given factors are looked for."""
+        signs = self.learner.signs
+        signs = np.ones((8, self.learner.dimension)) if signs is None else signs
+        centre, covariance = flip_moments(self.learner.latents, signs)
+        return FactorSearch(self.learner, self.mean, self.deviation, centre, covariance)
 
     def factors(self, latents: Float[np.ndarray, "grains d"]) -> Float64[np.ndarray, "grains 5"]:
         """Return the factors of `MEANINGS` of decoded latent vectors."""
@@ -117,9 +124,9 @@ class Meanings:
         return (factors - self.mean) / self.deviation
 
     def moved(
-        self, latent: Float[np.ndarray, " d"], steps: Mapping[str, float], *, corrections: int = 1
+        self, latent: Float[np.ndarray, " d"], steps: Mapping[str, float], *, corrections: int = _ROUNDS
     ) -> Float64[np.ndarray, " d"]:
-        """Return a latent vector moved along meanings.
+        """Return a latent vector moved along meanings, every other factor held still.
 
         Parameters
         ----------
@@ -127,51 +134,72 @@ class Meanings:
         steps : mapping of str to float
             Meaning -> by how many of the parents' standard deviations its factor is to change.
         corrections : int
-            How often the decoded grain is measured and the rest made up; 0 follows the regression alone,
-            in microseconds.
+            How often the grain is measured on the way; 2 follow a slider.
 
         Raises
         ------
         StyleError
             If a meaning is not known, or a step is not finite.
+
+        Notes
+        -----
+        Steps end where the parents' range does. What cannot be had with all others still is shared: a
+        grain as flat as it can be for its sphericity becomes a little less spherical.
         """
         here = checked_latent(self.learner, latent)
-        asked = {name: float(step) for name, step in steps.items() if step}
         self._require_known(steps)
-        if not asked:
+        change = np.array([float(steps.get(name, 0.0)) for name in MEANINGS])
+        if not change.any():
             return here
-        wanted = [*asked, *(name for name in self._held_by(tuple(asked)))]
-        rows = np.array([MEANINGS.index(name) for name in wanted])
-        change = np.array([asked.get(name, 0.0) for name in wanted])
-        # Held factors may give a little, where all at once cannot be had.
-        slack = np.array([0.02 if name in asked else 0.15 for name in wanted])
-        low, high = self.units(self.reach)[:, rows]
-        if corrections:
-            true = self.units(self.factors(here[None]))[0, rows]
-            change = np.clip(true + change, np.minimum(low, true), np.maximum(high, true)) - true
-        start = self._estimate(here, rows)
-        moved, parts = here, max(1, int(np.ceil(np.abs(change).max() / _STEP)))
-        for part in range(parts):
-            goal = start + change * (part + 1) / parts
-            moved = moved + self._step(moved, rows, goal - self._estimate(moved, rows), slack)
-        if corrections:
-            moved = self._corrected(moved, rows, true + change, slack, corrections)
-        return moved
+        start = self.search.place(here)
+        return self._moved(start, start.units + change, change != 0.0, corrections)
+
+    def brought(
+        self, latent: Float[np.ndarray, " d"], values: Mapping[str, float], *, corrections: int = _ROUNDS
+    ) -> Float64[np.ndarray, " d"]:
+        """Return a latent vector moved along meanings to given values, every other factor held still.
+
+        Parameters
+        ----------
+        latent : float array, shape (d,)
+        values : mapping of str to float
+            Meaning -> factor, in standard deviations about the parents' mean.
+        corrections : int
+            As in :meth:`moved`.
+
+        Raises
+        ------
+        StyleError
+            If a meaning is not known, or a value is not finite.
+        """
+        here = checked_latent(self.learner, latent)
+        self._require_known(values)
+        start = self.search.place(here)
+        goal = np.array([values.get(name, now) for name, now in zip(MEANINGS, start.units, strict=True)])
+        asked = np.array([name in values for name in MEANINGS])
+        return self._moved(start, goal, asked, corrections)
+
+    def _moved(self, start: Place, goal: np.ndarray, asked: np.ndarray, rounds: int) -> np.ndarray:
+        goal = self._within_reach(start.units, goal)
+        longest = max(float(np.abs(goal - start.units).max()), _LEAST_STEP)
+        slack = np.where(asked, _ASKED, _HELD * longest)
+        return self.search.nearest(start, goal, slack, max(1, rounds)).latent
 
     def designed(
         self, targets: Mapping[str, float], start: Float[np.ndarray, " d"] | None = None, *,
-        tolerance: float = 0.01,
+        tolerance: float = 0.02,
     ) -> Design:  # fmt: skip
-        """Return the latent vector nearest to a start that has given factors: inverse design.
+        """Return a latent vector near the parents whose grain has given factors: inverse design.
 
         Parameters
         ----------
         targets : mapping of str to float
             Meaning -> factor; `size` is the nominal diameter in the unit of the learner.
         start : float array, shape (d,), optional
-            By default that of the parent whose factors are nearest.
+            Where to begin. By default with the parents whose factors are nearest, one after another until
+            the targets are met.
         tolerance : float
-            Relative error with which the search is content.
+            Relative error that is meant to be undercut: the search strives for a quarter of it.
 
         Raises
         ------
@@ -179,112 +207,77 @@ class Meanings:
             If a meaning is not known, or a target is not finite.
         """
         self._require_known(targets)
-        goal = np.array([np.log(v) if name == "size" and v > 0 else v for name, v in targets.items()])
-        if not len(goal) or not np.isfinite(goal).all():
-            raise StyleError("Give at least one target, each a finite number: for example csf=0.6.")
-        rows = np.array([MEANINGS.index(name) for name in targets])
-        goal = (goal - self.mean[rows]) / self.deviation[rows]
-        moved = self._nearest_parent(rows, goal) if start is None else checked_latent(self.learner, start)
-        slack = np.full(len(rows), 0.02)
-        first = self._estimate(moved, rows)
-        parts = max(1, int(np.ceil(np.abs(goal - first).max() / _STEP)))
-        for part in range(parts):
-            along = first + (goal - first) * (part + 1) / parts
-            moved = moved + self._step(moved, rows, along - self._estimate(moved, rows), slack)
-        limit = tolerance * np.abs(goal * self.deviation[rows] + self.mean[rows]) / self.deviation[rows]
-        moved = self._corrected(moved, rows, goal, slack, 3 * _CORRECTIONS, limit)
-        reached = self.factors(moved[None])[0]
-        values = {name: float(reached[row]) for name, row in zip(targets, rows, strict=True)}
+        if not targets or not all(np.isfinite(value) and value > 0 for value in targets.values()):
+            raise StyleError("Give at least one target, each a finite number above 0: for example csf=0.6.")
+        if not tolerance > 0:
+            raise StyleError(f"A relative error of {tolerance} cannot be undercut: give more than 0.")
+        goal, slack = np.zeros(len(MEANINGS)), np.full(len(MEANINGS), np.inf)
+        for name, value in targets.items():
+            row = MEANINGS.index(name)
+            # An error of ln D_n is a relative one of D_n.
+            goal[row], error = (np.log(value), 1.0) if name == "size" else (value, value)
+            slack[row] = 0.25 * tolerance * error / self.deviation[row]
+        asked = np.isfinite(slack)
+        goal = np.where(asked, (goal - self.mean) / self.deviation, 0.0)
+        given = None if start is None else checked_latent(self.learner, start)
+        starts = self._nearest_parents(goal, slack) if given is None else [given]
+        best: Design | None = None
+        for latent in starts:
+            begin = self.search.place(latent)
+            # The dearer the way, the nearer the grain stays; where the targets are missed it gets cheaper.
+            for price in _PRICES:
+                begin = self.search.nearest(begin, goal, slack, _DESIGN_ROUNDS, price=price)
+                design = self._design(targets, begin)
+                if best is None or design.residual < best.residual:
+                    best = design
+                if best.residual <= _CONTENT * tolerance:
+                    return best
+        assert best is not None
+        return best
+
+    def _design(self, targets: Mapping[str, float], found: Place) -> Design:
+        reached = found.units * self.deviation + self.mean
+        values = {name: float(reached[MEANINGS.index(name)]) for name in targets}
         if "size" in values:
             values["size"] = float(np.exp(values["size"]))
-        return Design(moved, {name: float(value) for name, value in targets.items()}, values)
+        return Design(found.latent, {name: float(value) for name, value in targets.items()}, values)
 
     def as_told(
         self, latent: Float[np.ndarray, " d"], way: Float[np.ndarray, " d"], change: Float[np.ndarray, "5"]
     ) -> Float64[np.ndarray, " d"]:
-        """Return a latent vector moved as far along a way as its factors can still change as told.
+        """Return the latent vector nearest to a way's end whose factors change as told.
 
         Parameters
         ----------
         latent, way : float array, shape (d,)
         change : float array, shape (5,)
-            Of the factors of `MEANINGS`, in standard deviations; roughness follows from the others.
+            Of the factors of `MEANINGS`, in standard deviations; what goes beyond the parents' range is
+            left out, and roughness may miss more than the others.
         """
-        rows = np.array([MEANINGS.index(name) for name in MEANINGS if name != "roughness"])
-        start = self.units(self.factors(latent[None]))[0, rows]
-        low, high = self.units(self.reach)[:, rows]
-        goal = np.clip(start + change[rows], np.minimum(low, start), np.maximum(high, start))
-        best, least = latent, np.inf
+        here = self.search.place(checked_latent(self.learner, latent))
+        goal = self._within_reach(here.units, here.units + change)
+        # What cannot be had is shared: each factor misses by a like share of its change, in its direction.
+        size = np.maximum(np.abs(goal - here.units), _LEAST_STEP)
+        slack = _SUMMED * size * np.where(np.array(MEANINGS) == "roughness", _ROUGHER, 1.0)
+        best, least = here, np.inf
         for share in _SHARES_OF_WAY:
-            moved = self._corrected(
-                latent + share * way, rows, goal, np.full(len(rows), 0.02), 2 * _CORRECTIONS, _MISSED
-            )
-            missed = float(np.abs(goal - self.units(self.factors(moved[None]))[0, rows]).max())
+            begin = self.search.place(latent + share * way) if share else here
+            found = self.search.nearest(begin, goal, slack, _ROUNDS)
+            missed = float((np.abs(found.units - goal) / slack).max())
             if missed < least:
-                best, least = moved, missed
-            if missed <= _MISSED:
+                best, least = found, missed
+            if missed <= _SHARED:
                 break
-        return best
+        return best.latent
 
-    def _corrected(
-        self,
-        moved: np.ndarray,
-        rows: np.ndarray,
-        goal: np.ndarray,
-        slack: np.ndarray,
-        most: int,
-        limit: np.ndarray | float = 0.01,
-    ) -> np.ndarray:
-        """Return a latent vector whose decoded grain comes nearest to the goal; never farther than it was.
+    def _within_reach(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Return a goal no farther out than the parents, or than the start lies already."""
+        low, high = self.units(self.reach)
+        return np.clip(goal, np.minimum(low, start), np.maximum(high, start))
 
-        The regression's slopes are mended after every trial by what it really changed (Broyden's rank-one
-        update, in latents of unit covariance).
-        """
-        missing = goal - self.units(self.factors(moved[None]))[0, rows]
-        weight = slack.min() / slack
-        slopes = self._slopes(moved, rows)
-        for _ in range(most):
-            if not np.isfinite(missing).all() or (np.abs(missing) <= limit).all():
-                break
-            step = slopes.T @ np.linalg.solve(slopes @ slopes.T + np.diag(slack**2), missing)
-            trial = moved + self._root @ step
-            left = goal - self.units(self.factors(trial[None]))[0, rows]
-            if not np.isfinite(left).all():
-                break
-            slopes = slopes + np.outer(missing - left - slopes @ step, step) / max(float(step @ step), 1e-300)
-            if np.square(left * weight).sum() < np.square(missing * weight).sum():
-                moved, missing = trial, left
-        return moved
-
-    @cached_property
-    def _root(self) -> Float64[np.ndarray, "d d"]:
-        """A matrix R with R R' the parents' covariance."""
-        values, vectors = np.linalg.eigh(self.covariance)
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-    def _slopes(self, latent: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return the regression's slopes, in deviations of the factors by latents of unit covariance."""
-        return self.regression.gradient(latent)[rows] @ self._root / self.deviation[rows][:, None]
-
-    def _nearest_parent(self, rows: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        away = self.units(self.factors(self.learner.latents))[:, rows] - goal
-        return np.array(self.learner.latents[np.square(away).sum(axis=1).argmin()])
-
-    def _estimate(self, latent: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        return np.asarray(self.units(self.regression.values(latent[None]))[0, rows])
-
-    def _step(
-        self, latent: np.ndarray, rows: np.ndarray, wanted: np.ndarray, slack: np.ndarray
-    ) -> np.ndarray:
-        """Return the most probable change of the latents with which the factors change as wanted."""
-        slopes = self._slopes(latent, rows)
-        return np.asarray(
-            self._root @ (slopes.T @ np.linalg.solve(slopes @ slopes.T + np.diag(slack**2), wanted))
-        )
-
-    def _held_by(self, asked: tuple[str, ...]) -> tuple[str, ...]:
-        held = [set(HELD[name]) for name in asked]
-        return tuple(name for name in MEANINGS if name not in asked and all(name in part for part in held))
+    def _nearest_parents(self, goal: np.ndarray, slack: np.ndarray) -> list[np.ndarray]:
+        away = np.square((self.units(self.known) - goal) / slack).sum(axis=1)
+        return [np.array(self.learner.latents[row]) for row in np.argsort(away, kind="stable")[:_STARTS]]
 
     def _require_known(self, names: Mapping[str, float]) -> None:
         for name, value in names.items():
@@ -295,13 +288,13 @@ class Meanings:
 
 
 def _measured_in_parts(
-    drawn: Serialization, on_progress: Callable[[float], object] | None
+    grains: Serialization, on_progress: Callable[[float], object] | None
 ) -> Float64[np.ndarray, "avatars 5"]:
     parts = []
-    for start in range(0, len(drawn), _PART):
-        parts.append(meaning_factors(drawn.take(range(start, min(start + _PART, len(drawn))))))
+    for start in range(0, len(grains), _PARTS):
+        parts.append(meaning_factors(grains.take(range(start, min(start + _PARTS, len(grains))))))
         if on_progress is not None:
-            on_progress(0.9 * (start + len(parts[-1])) / len(drawn))
+            on_progress((start + len(parts[-1])) / len(grains))
     return np.concatenate(parts)
 
 
@@ -324,3 +317,17 @@ class Design:
     def residual(self) -> float:
         """Largest relative error of the factors."""
         return max(abs(self.reached[name] / value - 1.0) for name, value in self.targets.items())
+
+    def is_possible(self, tolerance: float = 0.0) -> bool:
+        """Return whether any body can have these factors, each within a relative error.
+
+        A flat body cannot be as spherical as one may wish: see
+        :func:`~mbstudio.core.vae.form_bound.highest_sphericity`.
+        """
+        ratios = (self.targets.get(name, 0.0) for name in ("csf", "elongation", "sphericity"))
+        if max(ratios) * (1.0 - tolerance) > 1.0:
+            return False
+        fullest = self.targets.get("csf", 1.0) * (1.0 + tolerance)
+        if not FLATTEST <= fullest <= 1.0:
+            return True
+        return self.targets.get("sphericity", 0.0) * (1.0 - tolerance) <= highest_sphericity(fullest)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 from numba import njit
 
 from mbstudio.core.vae.radii import directions, log_radii, outermost_radii
@@ -13,7 +13,11 @@ from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.star_factors import star_directions
 
 MEANINGS = ("size", "elongation", "csf", "sphericity", "roughness")
-"""ln D_n; intermediate over longest axis; Corey shape factor; sphericity; distance to an ellipsoid."""
+"""ln D_n; intermediate over longest axis; Corey shape factor; sphericity; fine roughness."""
+COARSEST = 5
+"""Degree of the coarsest spherical harmonics that count as roughness."""
+_LEAST = 1e-2
+"""Least r**-2 of the ellipsoid fitted to a body, over that of the mean radius."""
 
 
 def meaning_factors(avatars: Serialization) -> Float64[np.ndarray, "avatars 5"]:
@@ -30,7 +34,7 @@ def meaning_factors(avatars: Serialization) -> Float64[np.ndarray, "avatars 5"]:
     radii = outermost_radii(avatars.centers, avatars.log_weights, along)
     out = np.empty((len(avatars), len(MEANINGS)))
     out[:, 4] = roughness(avatars)
-    full_volume, full_area = _share_of_sphere()
+    full_volume, full_area = share_of_sphere()
     for i in range(len(avatars)):
         volume, area, moments = _integrals(along * radii[i][:, None], faces)
         volume, area = volume / full_volume, area / full_area
@@ -47,19 +51,46 @@ def meaning_factors(avatars: Serialization) -> Float64[np.ndarray, "avatars 5"]:
 
 
 def roughness(avatars: Serialization) -> Float64[np.ndarray, " avatars"]:
-    """Return how far avatars are from the ellipsoid nearest to each: the rms of ln r over ln r of it.
+    """Return the rms of what is finer than form in ln r: beyond an ellipsoid and harmonics up to degree 4.
 
-    The ellipsoid is found by least squares on r**-2, a quadratic form of the direction; terms of odd order
-    take up that its centre may lie beside the origin.
+    Form, roundness and texture are matters of scale (Barrett 1980). What is coarser than degree 5 tells on
+    sphericity too, so that grains can be rougher at the same form and sphericity.
     """
-    logs = log_radii(avatars)
-    terms = _ellipsoid_terms()
-    scale = logs.mean(axis=1, keepdims=True)
-    form = np.exp(-2.0 * (logs - scale))
-    fitted = np.maximum(form @ terms @ terms.T, 1e-2)
-    left = logs - scale + 0.5 * np.log(fitted)
-    left -= left.mean(axis=1, keepdims=True)
-    return np.sqrt(np.square(left).mean(axis=1))
+    return np.sqrt(np.square(departures(log_radii(avatars))).mean(axis=1))
+
+
+def departures(logs: Float[np.ndarray, "avatars 144"]) -> Float64[np.ndarray, "avatars 144"]:
+    """Return what of ln r neither the nearest ellipsoid nor harmonics up to degree `COARSEST` - 1 take up.
+
+    Parameters
+    ----------
+    logs : float array, shape (avatars, 144)
+        ln r in the directions of :func:`~mbstudio.core.vae.radii.directions`.
+
+    Notes
+    -----
+    The ellipsoid is found by least squares on r**-2, a quadratic form of the direction; terms of odd order
+    take up that its centre may lie beside the origin. What is left of an elongated body by harmonics alone
+    would tell its form: ln r of an ellipsoid has all even degrees.
+    """
+    terms, coarse = _ellipsoid_terms(), _coarse_terms()
+    level = logs - logs.mean(axis=1, keepdims=True)
+    fitted = np.maximum(np.exp(-2.0 * level) @ terms @ terms.T, _LEAST)
+    left = level + 0.5 * np.log(fitted)
+    return np.asarray(left - left @ coarse @ coarse.T)
+
+
+def departures_back(
+    logs: Float[np.ndarray, "avatars 144"], slopes: Float[np.ndarray, "avatars 144"]
+) -> Float64[np.ndarray, "avatars 144"]:
+    """Return derivatives by ln r of something whose derivatives by :func:`departures` are `slopes`."""
+    terms, coarse = _ellipsoid_terms(), _coarse_terms()
+    slopes = slopes - slopes @ coarse @ coarse.T
+    form = np.exp(-2.0 * (logs - logs.mean(axis=1, keepdims=True)))
+    fitted = form @ terms @ terms.T
+    through = np.where(fitted > _LEAST, 0.5 * slopes / np.maximum(fitted, _LEAST), 0.0)
+    slopes = slopes - 2.0 * form * (through @ terms @ terms.T)
+    return np.asarray(slopes - slopes.mean(axis=1, keepdims=True))
 
 
 @cache
@@ -72,7 +103,21 @@ def _ellipsoid_terms() -> Float64[np.ndarray, "144 9"]:
 
 
 @cache
-def _share_of_sphere() -> tuple[float, float]:
+def _coarse_terms() -> Float64[np.ndarray, "144 terms"]:
+    """Return an orthonormal basis of the harmonics below degree `COARSEST`: polynomials on the sphere."""
+    x, y, z = directions().T
+    most = COARSEST - 1
+    # On the sphere all monomials of the two highest orders span those of the lower ones too.
+    powers = [(i, j, order - i - j) for order in (most - 1, most)
+              for i in range(order + 1) for j in range(order + 1 - i)]  # fmt: skip
+    basis: Float64[np.ndarray, "144 terms"] = np.linalg.qr(
+        np.stack([x**i * y**j * z**k for i, j, k in powers], axis=1)
+    )[0]
+    return basis
+
+
+@cache
+def share_of_sphere() -> tuple[float, float]:
     """Return volume and area of the star's mesh of a sphere over those of the sphere."""
     along, faces = star_directions()
     volume, area, _ = _integrals(along, faces)

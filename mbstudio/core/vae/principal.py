@@ -10,6 +10,7 @@ from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.features import Scaler, character, parity_parts
+from mbstudio.core.vae.joining import held_together
 from mbstudio.core.vae.radii import surface_rms
 from mbstudio.core.vae.sampling import bands_of
 from mbstudio.core.vae.serialization import Serialization
@@ -172,7 +173,7 @@ class PrincipalModel:
     ) -> Serialization:
         """Return the avatars of scores."""
         with one_thread():
-            return self.scaler.avatars(self.basis.vectors(latents), names)
+            return held_together(self.scaler.avatars(self.basis.vectors(latents), names))
 
     def tensors(self) -> Tensors:
         """Return mean, components and parities."""

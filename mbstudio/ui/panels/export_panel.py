@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QDoubleSpinBox,
-    QHBoxLayout,
-    QLineEdit,
-    QPushButton,
-    QSpinBox,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QHBoxLayout, QLineEdit, QPushButton
 
 from mbstudio.core.dem import targets
+from mbstudio.core.errors import ExportError
 from mbstudio.core.units import unit_label
+from mbstudio.ui.icons import Icons
 from mbstudio.ui.panels.panel import Panel
-from mbstudio.ui.widgets.forms import empty, label, primary_button, row
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.forms import label, primary_button, row
+from mbstudio.ui.widgets.preview_card import PreviewCard
+from mbstudio.ui.widgets.specimen_form import SpecimenForm
+from mbstudio.ui.widgets.target_form import TargetForm
+from mbstudio.ui.work.export_work import ChosenAvatars, chosen_clones, chosen_fits, chosen_kept
 from mbstudio.ui.workspace import Workspace
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.kept_grain import KeptGrain
     from mbstudio.core.vae.style_learner import StyleLearner
     from mbstudio.ui.work.export_work import ExportWork
 
@@ -35,22 +32,25 @@ UNITS = ("um", "mm", "cm", "m")
 
 
 class ExportPanel(Panel):
-    """Asks for target, selection, unit, density, options of the target and folder.
+    """Asks for target, selection, unit, density, options of the target, specimen and folder.
 
     Attributes
     ----------
     export_asked : signal
     folder_asked : signal
+    shape_changed : signal
+        Another target, other avatars or options: what is handed over looks different.
     """
 
     export_asked = Signal()
     folder_asked = Signal()
+    shape_changed = Signal()
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: Workspace, theme: Theme, icons: Icons) -> None:
         super().__init__("Export", "Hand the avatars over to a DEM engine.")
         self._workspace = workspace
         self._clones: Generation | None = None
-        self.kept: list[Recipe] = []
+        self.kept: list[KeptGrain] = []
         self._learner: StyleLearner | None = None
         self.target = QComboBox()
         for name, target in targets().items():
@@ -71,30 +71,32 @@ class ExportPanel(Panel):
         self.overwrite = QCheckBox("The folder may hold other files")
         self.export_button = primary_button("Export")
         self._density_row = row("Density", self.density, "Of the grains' mineral: quartz 2650", "kg/m³")
-        self._options = QWidget()
-        self._options_layout = QVBoxLayout(self._options)
-        self._options_layout.setContentsMargins(0, 0, 0, 0)
-        self._options_layout.setSpacing(10)
-        self._option_fields: dict[str, QWidget] = {}
+        self.options = TargetForm()
+        self.preview = PreviewCard(icons)
+        self.specimen = SpecimenForm(theme)
+        self._taken: tuple[object, ChosenAvatars] | None = None
         self._hint = label("", "hint", wrap=True)
 
         self.add(label("Target", "key"), self.target)
         self.add(row("Avatars", self.selection, "Which avatars are written"))
         self.add(row("Unit of the files", self.unit, "All lengths in the files are in this unit"))
-        self.add(self._density_row, self._options)
-        self.add_heading("Folder")
+        self.add(self._density_row, self.options, self.preview)
+        self.add_heading("Specimen")
+        self.add(self.specimen)
+        self.body.addStretch(1)
         line = QHBoxLayout()
         line.addWidget(self.folder, 1)
         line.addWidget(self.browse)
-        self.body.addLayout(line)
-        self.add(self.overwrite)
-        self.body.addStretch(1)
+        self.foot.addLayout(line)
+        self.foot.addWidget(self.overwrite)
         self.foot.addWidget(self._hint)
         self.foot.addWidget(self.export_button)
 
         self.target.currentIndexChanged.connect(self._target_changed)
-        self.folder.textChanged.connect(lambda _: self.refresh())
-        self.selection.currentIndexChanged.connect(lambda _: self._write_hint())
+        self.folder.textChanged.connect(lambda _: self._write_hint())
+        self.specimen.changed.connect(self._write_hint)
+        self.selection.currentIndexChanged.connect(lambda _: self._selection_taken())
+        self.options.changed.connect(self.shape_changed)
         self.browse.clicked.connect(self.folder_asked)
         self.export_button.clicked.connect(self.export_asked)
         for signal in (workspace.fits_changed, workspace.selection_changed, workspace.grains_changed):
@@ -125,22 +127,29 @@ class ExportPanel(Panel):
             return [chosen] if chosen is not None and chosen in fits else []
         return sorted(label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid)
 
-    def clones(self) -> Generation | None:
-        """Return the clones if they are what is to be written."""
-        return self._clones if self.selection.currentData() == "clones" else None
+    def chosen(self) -> ChosenAvatars:
+        """Return the avatars that are to be written, by the names of their files."""
+        kind = self.selection.currentData()
+        if kind == "clones" and self._clones is not None:
+            clones = self._clones
+            return self._once(("clones", clones), lambda: chosen_clones(clones))
+        if kind == "kept" and self._learner is not None and self.kept:
+            learner, kept = self._learner, self.kept
+            return self._once(("kept", learner, *map(id, kept)), lambda: chosen_kept(learner, kept))
+        return chosen_fits(self._workspace.state.fits, self.labels())
+
+    def _once(self, key: tuple[object, ...], make: Callable[[], ChosenAvatars]) -> ChosenAvatars:
+        """Decode clones and kept grains once, not at every look."""
+        if self._taken is None or self._taken[0] != key:
+            self._taken = key, make()
+        return self._taken[1]
 
     def offer_clones(self, clones: Generation | None) -> None:
         """Offer clones beside the avatars of grains, or no longer."""
         self._clones = clones
         self.refresh()
 
-    def kept_grains(self) -> tuple[StyleLearner, list[Recipe]] | None:
-        """Return the kept grains with the style-learner that decodes them, where they were chosen."""
-        if self.selection.currentData() != "kept" or self._learner is None or not self.kept:
-            return None
-        return self._learner, self.kept
-
-    def set_kept(self, kept: Sequence[Recipe], learner: StyleLearner | None) -> None:
+    def set_kept(self, kept: Sequence[KeptGrain], learner: StyleLearner | None) -> None:
         """Offer the kept grains of the latent studio."""
         self.kept, self._learner = list(kept), learner
         self.refresh()
@@ -152,37 +161,45 @@ class ExportPanel(Panel):
     @property
     def count(self) -> int:
         """How many avatars are to be written."""
-        clones, kept = self.clones(), self.kept_grains()
-        if kept is not None:
-            return len(kept[1])
-        return len(self.labels()) if clones is None else len(clones)
+        kind = self.selection.currentData()
+        if kind == "clones":
+            return 0 if self._clones is None else len(self._clones)
+        return len(self.kept) if kind == "kept" else len(self.labels())
 
     def given(self) -> dict[str, Any]:
-        """Return unit, density, overwrite and the target's options, as export wants them."""
+        """Return unit, density, overwrite, specimen and the target's options, as export wants them.
+
+        Raises
+        ------
+        ExportError
+            If the sieve curve of the specimen is none.
+        """
         needs = targets()[self.target_name].needs_density
         return {
             "unit": self.unit.currentData(),
             "density": self.density.value() if needs else None,
             "overwrite": self.overwrite.isChecked(),
-            "options": {name: _value(field) for name, field in self._option_fields.items()},
+            "specimen": self.specimen.plan(),
+            "options": self.options.values,
         }
 
     @property
     def is_ready(self) -> bool:
         """Whether something can be exported as set."""
-        return self.count > 0 and self.folder_path is not None
+        return self.count > 0 and self.folder_path is not None and not self._fault()
 
     def start(self, exports: ExportWork) -> None:
         """Let what was chosen be written."""
-        folder, clones, kept = self.folder_path, self.clones(), self.kept_grains()
-        if folder is None:
-            return
-        if clones is not None:
-            exports.export_clones(clones, self.target_name, folder, **self.given())
-        elif kept is not None:
-            exports.export_kept(*kept, self.target_name, folder, **self.given())
-        else:
-            exports.export(self.labels(), self.target_name, folder, **self.given())
+        if self.folder_path is not None:
+            exports.export(self.chosen(), self.target_name, self.folder_path, self.given())
+
+    def _fault(self) -> str:
+        """Return what is wrong with the specimen, nothing if it is right."""
+        try:
+            self.specimen.plan()
+        except ExportError as error:
+            return str(error)
+        return ""
 
     # ---- keeping in step -----------------------------------------------------------------------
 
@@ -206,13 +223,20 @@ class ExportPanel(Panel):
                 kind = "kept"
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
         self.selection.blockSignals(False)
+        self._selection_taken()
+
+    def _selection_taken(self) -> None:
         self._write_hint()
+        self.shape_changed.emit()
 
     def _write_hint(self) -> None:
-        if not self._workspace.state.fits and self.clones() is None and self.kept_grains() is None:
+        fault = self._fault()
+        if not self._workspace.state.fits and not self.count:
             text = "No avatars yet: fit some grains first (station Fit)."
         elif not self.count:
             text = "None of the avatars is valid: fit again with more control points, or choose “All”."
+        elif fault:
+            text = "The sieve curve of the specimen is not complete yet."
         elif self.folder_path is None:
             text = "Choose a folder for the files."
         else:
@@ -221,7 +245,7 @@ class ExportPanel(Panel):
         self._hint.setVisible(bool(text))
         self.export_button.setEnabled(self.is_ready)
         count = self.count
-        what = "avatar" if self.clones() is None else "clone"
+        what = {"clones": "clone", "kept": "kept grain"}.get(self.selection.currentData(), "avatar")
         self.export_button.setText(f"Export {count} {what}{'s' if count != 1 else ''}" if count else "Export")
 
     def _target_changed(self) -> None:
@@ -234,47 +258,5 @@ class ExportPanel(Panel):
         self.unit.setEnabled(len(target.units) != 1)
         for unit in target.units or UNITS:
             self.unit.addItem(unit_label(unit), unit)
-        empty(self._options_layout)
-        self._option_fields = {}
-        for name, option in target.options.items():
-            field = _field(option)
-            self._option_fields[name] = field
-            title = name.replace("_", " ").capitalize()
-            self._options_layout.addWidget(row(title, field, option.meaning))
-        self._options.setVisible(bool(target.options))
-
-
-def _field(option: Any) -> QWidget:
-    """Return the field that can hold an option and nothing it refuses."""
-    default = option.default
-    if isinstance(default, bool):
-        box = QCheckBox()
-        box.setChecked(default)
-        return box
-    if isinstance(default, int):
-        whole = QSpinBox()
-        low = 0 if option.minimum is None else option.minimum
-        whole.setRange(int(low), int(10_000_000 if option.maximum is None else option.maximum))
-        whole.setValue(default)
-        return whole
-    if isinstance(default, float):
-        real = QDoubleSpinBox()
-        real.setDecimals(4)
-        real.setRange(
-            -1e9 if option.minimum is None else option.minimum,
-            1e9 if option.maximum is None else option.maximum,
-        )
-        real.setValue(default)
-        return real
-    line = QLineEdit(str(default))
-    line.setMaximumWidth(120)
-    return line
-
-
-def _value(field: QWidget) -> Any:
-    if isinstance(field, QCheckBox):
-        return field.isChecked()
-    if isinstance(field, QSpinBox | QDoubleSpinBox):
-        return field.value()
-    assert isinstance(field, QLineEdit)
-    return field.text()
+        self.options.show_target(target)
+        self.shape_changed.emit()

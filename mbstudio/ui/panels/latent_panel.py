@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QSpinBox, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
 
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.latent_recipe import Operation
@@ -22,6 +31,10 @@ from mbstudio.ui.work.latent_work import LatentWork
 _FIRST, _MORE = 8, 12
 """Sliders of components that are there at first, and that each “more” adds."""
 _MOST_NOISE = 1.0
+_BEYOND = 2.0
+"""Times as far as the parents reach go the sliders where that is allowed."""
+_WRITTEN = 1.0
+"""Share of a slider's range by which a value written in its box may lie beyond it."""
 
 
 class LatentPanel(Panel):
@@ -119,6 +132,11 @@ class LatentPanel(Panel):
         self._inner.addLayout(self._component_box)
         self.more = quiet_button("More latent variables")
         self._inner.addWidget(self.more)
+        self.beyond = QCheckBox("Allow far outside the parents")
+        self.beyond.setToolTip(
+            "Otherwise a grain is held at the edge of the parents' range, and what is held turns amber"
+        )
+        self._inner.addWidget(self.beyond)
 
     def _make_foot(self) -> None:
         self.undo, self.redo, self.reset = (QPushButton(text) for text in ("Undo", "Redo", "Reset"))
@@ -162,6 +180,7 @@ class LatentPanel(Panel):
         self.noise.settled.connect(lambda sigma: work.commit(self._noise(sigma), instead=True))
         self.another.clicked.connect(self._another)
         self.randomise.clicked.connect(self._randomise)
+        self.beyond.toggled.connect(self._allow)
         self.more.clicked.connect(lambda: self._add_components(_MORE))
         self.undo.clicked.connect(work.undo)
         self.redo.clicked.connect(work.redo)
@@ -180,6 +199,10 @@ class LatentPanel(Panel):
     def _noise(self, sigma: float) -> Operation:
         given = {"sigma": sigma, "seed": self._seed, **self._work.locks()}
         return Operation("noise", given, f"noise σ {sigma:.2f} (seed {self._seed})")
+
+    def _allow(self, on: bool) -> None:
+        self._work.beyond = on
+        self._set_ranges()
 
     def _another(self) -> None:
         self._seed += 1
@@ -234,14 +257,28 @@ class LatentPanel(Panel):
             slider = ValueSlider(
                 f"z{k + 1}", self._icons, "Its effect: how much of the radius one deviation changes (rms)."
             )
-            slider.set_range(about.mean[k] - about.reach[k], about.mean[k] + about.reach[k], about.mean[k])
+            self.components[k] = slider
+            self._set_range(k)
             slider.set_value(float(stance.latent[k]), self._effect(k))
             slider.moved.connect(lambda to, k=k: self._work.preview(_component(k, to)))
             slider.settled.connect(lambda to, k=k: self._work.commit(_component(k, to)))
             slider.lock_changed.connect(lambda on, k=k: self._lock(k, on))
-            self.components[k] = slider
             self._component_box.addWidget(slider)
         self.more.setVisible(len(self.components) < len(self._order))
+
+    def _set_range(self, k: int) -> None:
+        about = self._work.about
+        assert about is not None
+        reach = about.reach[k] * (_BEYOND if self.beyond.isChecked() else 1.0)
+        mean = about.mean[k]
+        self.components[k].set_range(mean - reach, mean + reach, mean, beyond=_WRITTEN)
+
+    def _set_ranges(self) -> None:
+        """Give the sliders their ranges anew, and their values in them."""
+        for k in self.components:
+            self._set_range(k)
+        self._show_meanings()
+        self._show_grain()
 
     def _effect(self, k: int) -> str:
         about = self._work.about
@@ -268,9 +305,14 @@ class LatentPanel(Panel):
             return
         for row, (name, slider) in enumerate(self.meanings.items()):
             low, high = work.deviations_of(name)
+            if self.beyond.isChecked():
+                middle, half = 0.5 * (low + high), 0.5 * _BEYOND * (high - low)
+                low, high = middle - half, middle + half
             scale = _Scale(float(known.mean[row]), float(known.deviation[row]), name == "size")
             decimals = 1 if name == "size" and scale.read(0.0) > 20 else 3
-            slider.set_range(low, high, 0.0, read=scale.read, write=scale.write, decimals=decimals)
+            slider.set_range(
+                low, high, 0.0, read=scale.read, write=scale.write, decimals=decimals, beyond=_WRITTEN
+            )
         assert work.learner is not None
         self.meanings["size"].box.setSuffix(f" {unit_label(work.learner.unit)}")
         self._show_grain()
@@ -280,16 +322,17 @@ class LatentPanel(Panel):
         grain, about, known = work.grain, work.about, work.meanings
         if grain is None or about is None:
             return
-        show_lights(self.light, self.edge, grain, work.is_held)
+        show_lights(self.light, self.edge, grain, work.is_held, work.is_beyond)
+        outside = work.is_held or work.is_beyond
         shares = about.share_below(grain.factors)
         if known is not None:
             units = known.units(grain.factors)
             for row, (name, slider) in enumerate(self.meanings.items()):
+                slider.set_amber(outside and not 0.0 < shares[row] < 1.0)
                 slider.set_value(float(units[row]), standing(name, float(shares[row])))
-                slider.set_amber(work.is_held and not 0.0 < shares[row] < 1.0)
         for k, slider in self.components.items():
             slider.set_value(float(grain.latent[k]), self._effect(k))
-            slider.set_amber(work.is_held and abs(grain.latent[k] - about.mean[k]) > 0.999 * about.reach[k])
+            slider.set_amber(outside and abs(grain.latent[k] - about.mean[k]) > 0.999 * about.reach[k])
 
     def _show_steps(self) -> None:
         work, stance = self._work, self._work.stance

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 from pyvistaqt import QtInteractor
@@ -20,10 +22,15 @@ class OpenGLViewport(Viewport):
         self.plotter = QtInteractor(self, auto_update=False, multi_samples=4)
         self.plotter.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.plotter.setAccessibleName("3-D view")
+        self.plotter.setMouseTracking(True)
         self.plotter.installEventFilter(self)
         # A dropped file belongs to the window, not to pyvistaqt.
         self.plotter.setAcceptDrops(False)
         self._layout.addWidget(self.plotter)
+
+    @property
+    def canvas(self) -> QWidget:
+        return cast(QWidget, self.plotter)
 
     def render_now(self) -> None:
         if self.plotter.isVisible():

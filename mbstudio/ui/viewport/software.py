@@ -5,11 +5,15 @@ It serves tests, remote desktops and machines whose graphics driver fails.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyvista as pv
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QImage, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from mbstudio.ui.viewport.viewport import Viewport
 
@@ -26,8 +30,10 @@ class SoftwareViewport(Viewport):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.plotter = pv.Plotter(off_screen=True, window_size=[640, 480])
+        self._samples: int | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName("3-D view")
+        self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self._image: QImage | None = None
         self._last: QPointF | None = None
@@ -43,11 +49,15 @@ class SoftwareViewport(Viewport):
         if not self._begun:
             self._begun = True
             self.plotter.show(auto_close=False, interactive=False)
+        self._smooth(not self.is_draft)
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
-        pixels = np.ascontiguousarray(np.asarray(self.plotter.image)[..., :3])
-        height, width, _ = pixels.shape
-        image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+        width, height = self._render_window.GetSize()
+        pixels = vtkUnsignedCharArray()
+        # From the front, where edges are smooth; the plotter's own way is a filter, three times as slow.
+        self._render_window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
+        rows = np.ascontiguousarray(vtk_to_numpy(pixels).reshape(height, width, 3)[::-1])
+        image = QImage(rows.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
         image.setDevicePixelRatio(self.devicePixelRatioF())
         self._image = image
         self.update()
@@ -56,6 +66,20 @@ class SoftwareViewport(Viewport):
         super().close_viewport()
         self._closed = True
         self.plotter.close()
+
+    def _smooth(self, on: bool) -> None:
+        """Smooth edges, or not: it takes two thirds of the time that software needs for a picture."""
+        if on and self._samples is not None:
+            self._render_window.SetMultiSamples(self._samples)
+            self._samples = None
+        elif not on and self._samples is None:
+            # Asked only now: before its first picture the window names more than it can do.
+            self._samples = int(self._render_window.GetMultiSamples())
+            self._render_window.SetMultiSamples(0)
+
+    @property
+    def _render_window(self) -> Any:
+        return self.plotter.render_window
 
     def _pixels(self) -> tuple[int, int]:
         ratio = self.devicePixelRatioF()
@@ -79,19 +103,29 @@ class SoftwareViewport(Viewport):
             self.request_render()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
+        if self.offer(event):
+            return
         self._last = event.position()
         self.watch_clicks(event)
+        self.moving.emit(True)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self.offer(event):
+            return
         self._last = None
+        if self.is_draft:
+            self.is_draft = False
+            self.request_render()
         self.watch_clicks(event)
+        self.moving.emit(False)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        if self._last is None:
+        if self.offer(event) or self._last is None:
             return
         moved = event.position() - self._last
         self._last = event.position()
         buttons = event.buttons()
+        self.is_draft = True
         shifted = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
         if buttons & Qt.MouseButton.MiddleButton or (buttons & Qt.MouseButton.LeftButton and shifted):
             self.pan(moved.x(), moved.y())

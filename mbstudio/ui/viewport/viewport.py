@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 import pyvista as pv
 from jaxtyping import UInt8
-from PySide6.QtCore import QEvent, QObject, QPointF, QTimer, Signal
+from PySide6.QtCore import QEvent, QObject, QPointF, Qt, QTimer, Signal
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 CLICK = 5.0  # pixels that the mouse may move between press and release of a click
+
+
+class Grip(Protocol):
+    """Something in the scene that can be dragged; places are pixels from the picture's lower left corner."""
+
+    def over(self, x: float, y: float) -> object | None:
+        """Return what lies under the mouse and can be grabbed, or None."""
+
+    def grab(self, x: float, y: float) -> bool:
+        """Begin to drag what lies there; return whether there is something."""
+
+    def drag(self, x: float, y: float) -> None:
+        """Go on to another place."""
+
+    def drop(self) -> None:
+        """End the drag."""
 
 
 class Viewport(QWidget):
@@ -22,17 +38,30 @@ class Viewport(QWidget):
     plotter : pyvista.BasePlotter
     clicked : signal (float, float)
         A click that turned nothing, in pixels of the picture from its lower left corner.
+    hovered : signal (float, float)
+        The mouse is there, and no button is held.
+    moving : signal (bool)
+        The camera begins to be turned by hand, or is let go.
+    grips : list of Grip
+        What can be dragged instead of turning the camera, the first one goes first.
+    is_draft : bool
+        Whether pictures may be plainer for a while because they have to follow a hand.
     """
 
     kind: ClassVar[str] = ""
     clicked = Signal(float, float)
+    hovered = Signal(float, float)
+    moving = Signal(bool)
     plotter: pv.BasePlotter
+    is_draft = False
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(0, 0, 0, 0)
         self._pressed: QPointF | None = None
+        self.grips: list[Grip] = []
+        self._held: Grip | None = None
         # Many changes of one turn of the event loop make one picture.
         self._render_soon = QTimer(self)
         self._render_soon.setSingleShot(True)
@@ -66,10 +95,48 @@ class Viewport(QWidget):
             moved = event.position() - self._pressed
             self._pressed = None
             if moved.manhattanLength() <= CLICK:
-                ratio = self.devicePixelRatioF()
-                x, y = event.position().x() * ratio, (self.height() - event.position().y()) * ratio
-                self.clicked.emit(x, y)
+                self.clicked.emit(*self.pixel(event.position()))
+
+    def pixel(self, place: QPointF) -> tuple[float, float]:
+        """Return the picture's pixel under a place of the widget, from the lower left corner."""
+        ratio = self.devicePixelRatioF()
+        return place.x() * ratio, (self.height() - place.y()) * ratio
+
+    @property
+    def canvas(self) -> QWidget:
+        """The widget that is drawn on and gets the mouse."""
+        return self
+
+    def offer(self, event: QEvent) -> bool:
+        """Offer a mouse event to the grips; return whether one took it."""
+        if not isinstance(event, QMouseEvent):
+            return False
+        x, y = self.pixel(event.position())
+        kind = event.type()
+        if kind == QEvent.Type.MouseButtonPress and event.button() == Qt.MouseButton.LeftButton:
+            self._held = next((grip for grip in self.grips if grip.grab(x, y)), None)
+            return self._held is not None
+        if kind == QEvent.Type.MouseMove and self._held is not None:
+            self._held.drag(x, y)
+            return True
+        if kind == QEvent.Type.MouseMove and event.buttons() == Qt.MouseButton.NoButton:
+            taken = any(grip.over(x, y) is not None for grip in self.grips)
+            shape = Qt.CursorShape.SizeAllCursor if taken else Qt.CursorShape.ArrowCursor
+            if self.canvas.cursor().shape() != shape:
+                self.canvas.setCursor(shape)
+            self.hovered.emit(x, y)
+        if kind == QEvent.Type.MouseButtonRelease and self._held is not None:
+            self._held.drop()
+            self._held = None
+            return True
+        return False
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if self.offer(event):
+            return True
+        if event.type() == QEvent.Type.MouseButtonPress:
+            self.moving.emit(True)
+        elif event.type() == QEvent.Type.MouseButtonRelease:
+            self.moving.emit(False)
         self.watch_clicks(event)
         return super().eventFilter(watched, event)

@@ -58,7 +58,9 @@ class BlendPage(QWidget):
         )
         self.ghosts = QCheckBox("A and B as ghosts")
         self.play, self.animation = QToolButton(), QPushButton("Save animation…")
-        self.animation.setToolTip("The way from A to B as GIF or MP4, in steps of equal change")
+        self.animation.setToolTip(
+            "The way from A to B as GIF, numbered pictures or MP4, in steps of equal change"
+        )
         self.play.setCheckable(True)
         self.play.setToolTip("Play the way from A to B and back")
         self.play.setAccessibleName("Play")

@@ -10,11 +10,12 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from mbstudio.core.units import unit_label
+from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.core.vae.live_grain import LiveGrain
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import badge, label, set_badge
+from mbstudio.ui.widgets.numbers import readable_power_unit
 
 TITLES = {
     "size": "Size Dₙ",
@@ -39,12 +40,17 @@ def standing(name: str, below: float) -> str:
     return f"{word} than {100 * share:.0f} %"
 
 
-def show_lights(light: QLabel, edge: QLabel, grain: LiveGrain | None, held: bool) -> None:
-    """Show whether a grain is valid, and whether it was held within the parents' range."""
+def show_lights(
+    light: QLabel, edge: QLabel, grain: LiveGrain | None, held: bool, beyond: bool = False
+) -> None:
+    """Show whether a grain is valid, and whether it was held within the parents' range or let beyond it."""
     edge.setVisible(held and grain is not None)
     set_badge(edge, "▲ At the edge of the parents", "amber")
     if grain is None:
         set_badge(light, "No grain", "quiet")
+    elif grain.is_sound and beyond:
+        set_badge(light, "● Far outside the parents", "bad")
+        light.setToolTip("One piece, no void, but nothing is known of such grains: look at its factors")
     elif grain.is_sound:
         set_badge(light, "● Valid", "good")
         light.setToolTip("One piece, no void")
@@ -75,7 +81,8 @@ class Radar(QWidget):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         middle = QPointF(self.width() / 2, self.height() / 2 + 6)
-        radius = min(self.width() - 130, self.height() - 56) / 2
+        longest = max(painter.fontMetrics().horizontalAdvance(name) for name in SHORT.values())
+        radius = min(self.width() - 2 * longest - 36, self.height() - 56) / 2
         turns = [2 * math.pi * place / len(MEANINGS) - math.pi / 2 for place in range(len(MEANINGS))]
 
         def corners(shares: list[float]) -> list[QPointF]:
@@ -127,11 +134,13 @@ class FactorPage(QWidget):
         grid = QGridLayout()
         grid.setHorizontalSpacing(12)
         grid.setVerticalSpacing(5)
-        for line, (name, (value, words)) in enumerate(self._cells.items()):
+        self._among = label("Among the parents", "hint")
+        grid.addWidget(self._among, 0, 2)
+        for line, (name, (value, words)) in enumerate(self._cells.items(), 1):
             grid.addWidget(label(TITLES[name], "key"), line, 0)
             grid.addWidget(value, line, 1, Qt.AlignmentFlag.AlignRight)
             grid.addWidget(words, line, 2)
-        for line, (title, value) in enumerate((("Volume", self._volume), ("Surface area", self._area)), 5):
+        for line, (title, value) in enumerate((("Volume", self._volume), ("Surface area", self._area)), 6):
             grid.addWidget(label(title, "key"), line, 0)
             grid.addWidget(value, line, 1, 1, 2)
         grid.setColumnStretch(2, 1)
@@ -144,10 +153,16 @@ class FactorPage(QWidget):
         layout.addStretch(0)
         self.show_grain(None, None, False)
 
-    def show_grain(self, grain: LiveGrain | None, shares: Float[np.ndarray, "5"] | None, held: bool) -> None:
+    def show_grain(
+        self,
+        grain: LiveGrain | None,
+        shares: Float[np.ndarray, "5"] | None,
+        held: bool,
+        beyond: bool = False,
+    ) -> None:
         """Show a grain's factors, their places among the parents', and whether it is valid."""
         self.radar.set_shares(shares)
-        show_lights(self.light, self.edge, grain, held)
+        show_lights(self.light, self.edge, grain, held, beyond)
         if grain is None or shares is None:
             return
         unit = unit_label(grain.avatar.unit)
@@ -155,8 +170,10 @@ class FactorPage(QWidget):
             text, words = self._cells[name]
             text.setText(f"{value:.4g} {unit}" if name == "size" else f"{value:.3f}")
             words.setText(standing(name, float(share)))
-        self._volume.setText(f"{grain.volume:.4g} {unit}³")
-        self._area.setText(f"{grain.area:.4g} {unit}²")
+        for field, value, power in ((self._volume, grain.volume, 3), (self._area, grain.area, 2)):
+            told = readable_power_unit(value, grain.avatar.unit, power)
+            scaled = value * conversion_factor(grain.avatar.unit, told) ** power
+            field.setText(f"{scaled:.4g} {unit_label(told)}{'⁰¹²³'[power]}")
 
     def value(self, name: str) -> str:
         """Return what is written for a factor."""

@@ -209,3 +209,10 @@ class SliceSlider(QWidget):
             field.setRange(0, count - 1)
             field.setValue(index)
             field.blockSignals(False)
+
+    def set_index(self, index: int) -> None:
+        """Take the slice that is shown, silently."""
+        for field in (self.slider, self.number):
+            field.blockSignals(True)
+            field.setValue(index)
+            field.blockSignals(False)

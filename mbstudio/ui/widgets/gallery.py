@@ -22,15 +22,18 @@ class Gallery(QFrame):
         A grain is to be taken under the hand.
     forget_asked : signal (str)
         A kept grain is to go.
+    rename_asked : signal (str, str)
+        A kept grain is to be called otherwise.
     """
 
     opened = Signal(str)
     forget_asked = Signal(str)
+    rename_asked = Signal(str, str)
 
     def __init__(self, icons: Icons) -> None:
         super().__init__()
         self.setObjectName("gallery")
-        self.kept, self.parents = GrainStrip("Kept grains"), GrainStrip("Parents")
+        self.kept, self.parents = GrainStrip("Kept grains", named_by_hand=True), GrainStrip("Parents")
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
@@ -41,10 +44,15 @@ class Gallery(QFrame):
         icons.set(self.remove, "ph.trash")
         self.remove.setToolTip("Take the chosen kept grain out of the gallery")
         self.remove.setAccessibleName("Remove")
+        self.rename = QToolButton()
+        icons.set(self.rename, "ph.pencil-simple")
+        self.rename.setToolTip("Call the chosen kept grain otherwise (F2)")
+        self.rename.setAccessibleName("Rename")
         head = Line()
         head.setContentsMargins(0, 0, 8, 0)
         head.addWidget(self.tabs)
         head.addStretch(1)
+        head.addWidget(self.rename)
         head.addWidget(self.remove)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -57,6 +65,8 @@ class Gallery(QFrame):
         self.setFixedHeight(154)
         self.tabs.currentChanged.connect(lambda _: self._refresh())
         self.remove.clicked.connect(self._forget)
+        self.rename.clicked.connect(self.kept.edit_chosen)
+        self.kept.renamed.connect(self.rename_asked)
         self._refresh()
 
     @property
@@ -98,8 +108,9 @@ class Gallery(QFrame):
     def _refresh(self) -> None:
         self.kept.setVisible(self.strip is self.kept)
         self.parents.setVisible(self.strip is self.parents)
-        self.remove.setVisible(self.strip is self.kept)
-        self.remove.setEnabled(self.kept.chosen is not None)
+        for button in (self.rename, self.remove):
+            button.setVisible(self.strip is self.kept)
+            button.setEnabled(self.kept.chosen is not None)
 
     def _forget(self) -> None:
         if self.kept.chosen is not None:

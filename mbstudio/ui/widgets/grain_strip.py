@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
-from PySide6.QtCore import QByteArray, QMimeData, QSize, Qt, Signal
+from PySide6.QtCore import QByteArray, QMimeData, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import (
     QDrag,
     QDragEnterEvent,
@@ -12,6 +13,7 @@ from PySide6.QtGui import (
     QDropEvent,
     QIcon,
     QImage,
+    QKeyEvent,
     QMouseEvent,
     QPixmap,
 )
@@ -39,16 +41,30 @@ def pixmap_of(picture: object) -> QPixmap:
 class GrainStrip(QListWidget):
     """A row of grains, each with its picture and its name.
 
+    Parameters
+    ----------
+    name : str
+        For those who cannot see it.
+    named_by_hand : bool
+        Whether the grains can be called otherwise: F2, and :meth:`edit_chosen`.
+
     Attributes
     ----------
     opened : signal (str)
         A double click on a grain, or Enter.
+    renamed : signal (str, str)
+        A grain's name, and what it is to be called.
     """
 
     opened = Signal(str)
+    renamed = Signal(str, str)
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, named_by_hand: bool = False) -> None:
         super().__init__()
+        self._named_by_hand = named_by_hand
+        triggers = QAbstractItemView.EditTrigger
+        self.setEditTriggers(triggers.EditKeyPressed if named_by_hand else triggers.NoEditTriggers)
+        self.itemChanged.connect(self._changed)
         self.setAccessibleName(name)
         self.setObjectName("grainStrip")
         self.setViewMode(QListView.ViewMode.IconMode)
@@ -70,6 +86,7 @@ class GrainStrip(QListWidget):
     ) -> None:
         """Show other grains; the one that was chosen stays so."""
         chosen = self.chosen
+        self.blockSignals(True)
         self.clear()
         for name in names:
             item = QListWidgetItem(name)
@@ -77,11 +94,25 @@ class GrainStrip(QListWidget):
             item.setSizeHint(self.gridSize())
             item.setToolTip(tips.get(name, name))
             item.setTextAlignment(Qt.AlignmentFlag.AlignHCenter)
+            if self._named_by_hand:
+                item.setFlags(item.flags() | Qt.ItemFlag.ItemIsEditable)
             if name in pictures:
                 item.setIcon(QIcon(pictures[name]))
             self.addItem(item)
             if name == chosen:
                 self.setCurrentItem(item)
+        self.blockSignals(False)
+
+    def edit_chosen(self) -> None:
+        """Let the name of the chosen grain be written anew."""
+        if self.chosen is not None:
+            self.editItem(self.currentItem())
+
+    def _changed(self, item: QListWidgetItem) -> None:
+        name = str(item.data(_NAME))
+        if item.text() != name:
+            # Not from within the editor, whose grain goes when the strip is filled anew.
+            QTimer.singleShot(0, self, partial(self.renamed.emit, name, item.text()))
 
     def set_picture(self, name: str, picture: QPixmap) -> None:
         """Show a picture that was made meanwhile."""
@@ -171,6 +202,12 @@ class GrainSlot(QFrame):
     def mousePressEvent(self, event: QMouseEvent) -> None:
         if event.button() == Qt.MouseButton.LeftButton:
             self.clicked.emit()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter, Qt.Key.Key_Space):
+            self.clicked.emit()
+        else:
+            super().keyPressEvent(event)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         if event.mimeData().hasFormat(MIME):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QFrame, QScrollArea, QStackedWidget, QTabBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QStackedWidget, QTabBar, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.blend_page import BlendPage
 from mbstudio.ui.widgets.factor_radar import FactorPage
+from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.latent_map_plot import LatentMapPlot
 
 
@@ -26,7 +27,7 @@ class LatentDock(QFrame):
         self._stack = QStackedWidget()
         for title, page in (("Factors", self.factors), ("Blend", self.blend), ("Map", self.map)):
             self.tabs.addTab(title)
-            self._stack.addWidget(_scrolling(page) if page is not self.map else page)
+            self._stack.addWidget(_scrolling(page) if page is not self.map else _explained(page))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -38,6 +39,27 @@ class LatentDock(QFrame):
         """Turn to a page: Factors, Blend or Map."""
         names = [self.tabs.tabText(place) for place in range(self.tabs.count())]
         self.tabs.setCurrentIndex(names.index(title))
+
+
+def _explained(plot: QWidget) -> QWidget:
+    """Return the map with what its marks mean below it."""
+    page = QWidget()
+    layout = QVBoxLayout(page)
+    layout.setContentsMargins(0, 0, 0, 10)
+    layout.setSpacing(6)
+    layout.addWidget(plot, 1)
+    line = QHBoxLayout()
+    line.setContentsMargins(14, 0, 14, 0)
+    line.addWidget(
+        label(
+            "Small dots: parents. Squares: kept grains. Large dot: the grain under the hand. Click to see "
+            "the grain there, drag to walk.",
+            "hint",
+            wrap=True,
+        )
+    )
+    layout.addLayout(line)
+    return page
 
 
 def _scrolling(page: QWidget) -> QScrollArea:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QRect, Qt, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
+from PySide6.QtCore import QEvent, QRect, Qt, Signal
+from PySide6.QtGui import QColor, QHideEvent, QMouseEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QGridLayout,
@@ -71,6 +71,16 @@ class DragSlider(QSlider):
         if event.button() == Qt.MouseButton.LeftButton and self.isSliderDown():
             self.setSliderDown(False)
 
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Let go: a hand whose panel was closed sends no more events."""
+        self.setSliderDown(False)
+        super().hideEvent(event)
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.EnabledChange and not self.isEnabled():
+            self.setSliderDown(False)
+        super().changeEvent(event)
+
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         self.zero_asked.emit()
 
@@ -110,6 +120,7 @@ class ValueSlider(QWidget):
         super().__init__()
         self.title = title
         self._low, self._high, self._zero, self._value = 0.0, 1.0, 0.0, 0.0
+        self._least, self._most = 0.0, 1.0
         self._dragged = False
         self._read: Callable[[float], float] = float
         self._write: Callable[[float], float] = float
@@ -160,16 +171,22 @@ class ValueSlider(QWidget):
         read: Callable[[float], float] = float,
         write: Callable[[float], float] = float,
         decimals: int = 3,
+        beyond: float = 0.0,
     ) -> None:
-        """Take a range, its middle, and how values are written in the box and read from it."""
+        """Take a range, its middle, and how values are written in the box and read from it.
+
+        In the box values may be written that lie beyond the slider's range by the share `beyond` of it.
+        """
         self._low, self._high, self._zero = low, max(high, low + 1e-9), zero
         self._read, self._write = read, write
         self.slider.zero = (zero - self._low) / (self._high - self._low)
         self.box.blockSignals(True)
         self.box.setDecimals(decimals)
-        ends = sorted((read(low), read(high)))
+        more = beyond * (self._high - self._low)
+        self._least, self._most = self._low - more, self._high + more
+        ends = sorted((read(self._least), read(self._most)))
         self.box.setRange(*ends)
-        self.box.setSingleStep((ends[1] - ends[0]) / 50)
+        self.box.setSingleStep(abs(read(self._high) - read(self._low)) / 50)
         self.box.blockSignals(False)
         self.slider.update()
 
@@ -217,7 +234,7 @@ class ValueSlider(QWidget):
             self.settled.emit(self._value)
 
     def _settle(self, value: float) -> None:
-        value = min(max(value, self._low), self._high)
+        value = min(max(value, self._least), self._most)
         self.slider.blockSignals(True)
         self.slider.setValue(round(STEPS * (value - self._low) / (self._high - self._low)))
         self.slider.blockSignals(False)

@@ -2,107 +2,95 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
+from mbstudio.core.vae.kept_grain import to_export
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task
 
 if TYPE_CHECKING:
+    from mbstudio.core.imaging import FitResult
     from mbstudio.core.metaball import Avatar
     from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.latent_recipe import Recipe
+    from mbstudio.core.vae.kept_grain import KeptGrain
     from mbstudio.core.vae.style_learner import StyleLearner
 
-RECIPES = "recipes.json"
-"""Beside exported kept grains: how each was made."""
+
+@dataclass(frozen=True, eq=False)
+class ChosenAvatars:
+    """Avatars that are to be exported.
+
+    Attributes
+    ----------
+    named : tuple of (str, Avatar)
+        Each with the name of its file.
+    what : str
+        What one of them is called.
+    attachments : mapping of str to str
+        Files that go with them.
+    """
+
+    named: tuple[tuple[str, Avatar], ...] = ()
+    what: str = "avatar"
+    attachments: Mapping[str, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.named)
+
+
+def chosen_fits(fits: Mapping[int, FitResult], labels: Sequence[int]) -> ChosenAvatars:
+    """Return the avatars of grains."""
+    return ChosenAvatars(tuple((f"grain_{label:05d}", fits[label].avatar) for label in labels))
+
+
+def chosen_clones(clones: Generation) -> ChosenAvatars:
+    """Return clones, with the table of their factors."""
+    attached: dict[str, str] = {}
+    if clones.factors is not None:
+        table = clones.factors.table().drop(columns=["warning", "not_measured"])
+        table.insert(1, "name", list(clones.clones.names))
+        attached["factors.csv"] = table.to_csv(index=False, lineterminator="\r\n")
+    return ChosenAvatars(tuple(zip(clones.clones.names, clones.avatars(), strict=True)), "clone", attached)
+
+
+def chosen_kept(learner: StyleLearner, kept: Sequence[KeptGrain]) -> ChosenAvatars:
+    """Return grains kept in the latent studio, with their recipes."""
+    avatars, names, attached = to_export(learner, kept)
+    return ChosenAvatars(tuple(zip(names, avatars, strict=True)), "kept grain", attached)
 
 
 class ExportWork(Work):
     """Exports avatars."""
 
-    def export(
-        self,
-        labels: list[int],
-        target: str,
-        folder: Path,
-        *,
-        unit: str | None,
-        density: float | None,
-        options: dict[str, Any],
-        overwrite: bool = False,
-    ) -> Task:
-        """Write the avatars of these grains for a DEM engine."""
-        fits = self.workspace.state.fits
-        avatars = [fits[label].avatar for label in labels]
-        names = [f"grain_{label:05d}" for label in labels]
-        return self._write(
-            avatars, names, "avatar", target, folder, {},
-            unit=unit, density=density, options=options, overwrite=overwrite,
-        )  # fmt: skip
+    def export(self, chosen: ChosenAvatars, target: str, folder: Path, given: Mapping[str, Any]) -> Task:
+        """Write avatars for a DEM engine.
 
-    def export_clones(
-        self,
-        clones: Generation,
-        target: str,
-        folder: Path,
-        *,
-        unit: str | None,
-        density: float | None,
-        options: dict[str, Any],
-        overwrite: bool = False,
-    ) -> Task:
-        """Write clones for a DEM engine, with the table of their factors."""
-        attached: dict[str, str] = {}
-        if clones.factors is not None:
-            table = clones.factors.table().drop(columns=["warning", "not_measured"])
-            table.insert(1, "name", list(clones.clones.names))
-            attached["factors.csv"] = table.to_csv(index=False, lineterminator="\r\n")
-        return self._write(
-            clones.avatars(), list(clones.clones.names), "clone", target, folder, attached,
-            unit=unit, density=density, options=options, overwrite=overwrite,
-        )  # fmt: skip
+        Parameters
+        ----------
+        chosen : ChosenAvatars
+        target : str
+        folder : Path
+        given : mapping
+            Unit, density, overwrite, specimen, and under ``options`` the target's own.
+        """
+        told = f"{len(chosen)} {chosen.what}{'s' if len(chosen) != 1 else ''}"
+        names = [name for name, _ in chosen.named]
+        avatars = [avatar for _, avatar in chosen.named]
+        plain = {key: value for key, value in given.items() if key != "options"}
 
-    def export_kept(
-        self,
-        learner: StyleLearner,
-        kept: list[Recipe],
-        target: str,
-        folder: Path,
-        *,
-        unit: str | None,
-        density: float | None,
-        options: dict[str, Any],
-        overwrite: bool = False,
-    ) -> Task:
-        """Write grains kept in the latent studio, with their recipes beside them."""
-        names = [recipe.name.replace(" ", "_") for recipe in kept]
-        avatars = learner.decode(np.stack([recipe.vector for recipe in kept]), names=tuple(names)).avatars()
-        recipes = json.dumps([recipe.as_record() for recipe in kept], indent=1)
-        return self._write(
-            avatars, names, "kept grain", target, folder, {RECIPES: recipes},
-            unit=unit, density=density, options=options, overwrite=overwrite,
-        )  # fmt: skip
-
-    def _write(
-        self, avatars: list[Avatar], names: list[str], what: str, target: str, folder: Path,
-        attachments: dict[str, str], *, unit: str | None, density: float | None, options: dict[str, Any],
-        overwrite: bool,
-    ) -> Task:  # fmt: skip
         def work(control: Control) -> Any:
             return export(
-                avatars, target, folder, density=density, unit=unit, names=names, overwrite=overwrite,
-                progress=control.progress, attachments=attachments, **options,
+                avatars, target, folder, names=names, progress=control.progress,
+                attachments=chosen.attachments, **plain, **given["options"],
             )  # fmt: skip
 
-        told = f"{len(avatars)} {what}{'s' if len(avatars) != 1 else ''}"
         task = Task(f"Exporting {told}", work)
-        task.succeeded.connect(lambda report: self._tell(report, told, unit))
+        task.succeeded.connect(lambda report: self._tell(report, told, given["unit"]))
         return self.queue.submit(task)
 
     def _tell(self, report: Any, avatars: str, unit: str | None) -> None:

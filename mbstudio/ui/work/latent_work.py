@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,16 @@ from jaxtyping import Float64
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.core.metaball.topology import topology
-from mbstudio.core.vae.latent_recipe import Operation, Recipe, carried_out, style_digest
+from mbstudio.core.vae import kept_grain as keeping
+from mbstudio.core.vae.kept_grain import KeptGrain
+from mbstudio.core.vae.latent_recipe import BEYOND, Operation, Recipe, carried_out, style_digest
 from mbstudio.core.vae.live_grain import AT_REST, MOVING, LiveGrain, live_grain
 from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.core.vae.parents_range import ParentsRange
 from mbstudio.core.vae.style_learner import StyleLearner
 from mbstudio.ui.latest import LatestOnly
+from mbstudio.ui.work.shaping_history import ShapingHistory, Stance
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -28,31 +30,6 @@ log = logging.getLogger(__name__)
 
 _ANEW = ("begin", "average", "take", "between", "sum")
 """Operations for which it does not matter what was before: a recipe begins with them."""
-
-_TRIALS = 4
-"""Times as many variations are tried as are asked for, where some are no valid bodies."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stance:
-    """A point of the latent space and the way to it.
-
-    Attributes
-    ----------
-    latent : float array, shape (d,)
-    operations : tuple of Operation
-    held : bool
-        Whether the last operation had to be held within the parents' range.
-    """
-
-    latent: Float64[np.ndarray, " d"]
-    operations: tuple[Operation, ...]
-    held: bool = False
-
-    @property
-    def title(self) -> str:
-        """What led here, in words."""
-        return self.operations[-1].words if self.operations else ""
 
 
 class LatentWork(Work):
@@ -66,7 +43,11 @@ class LatentWork(Work):
         None until they have been learned in the background.
     grain : LiveGrain or None
         What is shown, while a slider moves, too.
-    kept : list of Recipe
+    history : ShapingHistory
+    beyond : bool
+        Whether operations may lead far outside the parents.
+    is_held, is_beyond : bool
+        Whether what is shown was held at the edge of the parents' range, or lies beyond it with leave.
     style_taken : signal
         Another style-learner, or none.
     meanings_changed : signal
@@ -89,24 +70,24 @@ class LatentWork(Work):
         self.about: ParentsRange | None = None
         self.meanings: Meanings | None = None
         self.grain: LiveGrain | None = None
-        self.kept: list[Recipe] = []
+        self.history = ShapingHistory(workspace)
+        self.beyond = False
         self.locked_meanings: set[str] = set()
         self.locked_components: set[int] = set()
-        self.is_held = False
+        self.is_held = self.is_beyond = False
         self.progress = 0.0
-        self._history: list[Stance] = []
-        self._place = 0
+        self._digest = ""
         self._learning: Task | None = None
-        self._counter = 0
         self.live = LatestOnly("live grain", self)
         self.live.done.connect(self._arrived)
         self.live.failed.connect(self._failed)
         workspace.style_changed.connect(self.take_style)
+        workspace.kept_changed.connect(self.kept_changed)
 
     # ---- the style-learner -----------------------------------------------------------------------
 
     def take_style(self) -> None:
-        """Work with the workspace's style-learner from now on; kept grains of another one go."""
+        """Work with the workspace's style-learner from now on; kept grains of another one hide."""
         learner = self.workspace.style
         if learner is self._wanted:
             return
@@ -124,18 +105,28 @@ class LatentWork(Work):
         self.learner, self.about, self.meanings, self.grain = learner, about, None, None
         self.locked_meanings.clear()
         self.locked_components.clear()
-        self._history, self._place, self.is_held, self.progress = [], 0, False, 0.0
+        self.history.begin(None)
+        self.is_held, self.is_beyond, self.progress, self._digest = False, False, 0.0, ""
         if self._learning is not None:
             self._learning.cancel()
             self._learning = None
         if learner is not None and about is not None:
-            digest = style_digest(learner)
-            self.kept = [recipe for recipe in self.kept if recipe.style == digest]
-            self._history = [Stance(about.mean, (Operation("average", {}, "average grain"),))]
+            self._digest = style_digest(learner)
+            self.history.begin(Stance(about.mean, (Operation("average", {}, "average grain"),)))
+            self._tell_of_others()
         self.kept_changed.emit()
         self.style_taken.emit()
         self.meanings_changed.emit()
         self.render()
+
+    def _tell_of_others(self) -> None:
+        others = len(self.workspace.state.kept) - len(self.kept)
+        if others:
+            these = f"{others} kept grains belong" if others > 1 else "One kept grain belongs"
+            self.said.emit(
+                "info",
+                f"{these} to another style-learner; the project keeps them until that is opened again.",
+            )
 
     @property
     def is_opening(self) -> bool:
@@ -182,15 +173,15 @@ class LatentWork(Work):
     @property
     def stance(self) -> Stance | None:
         """The point where one stands; None without a style-learner."""
-        return self._history[self._place] if self._history else None
+        return self.history.stance
 
     @property
     def can_undo(self) -> bool:
-        return self._place > 0
+        return self.history.undo_title is not None
 
     @property
     def can_redo(self) -> bool:
-        return self._place < len(self._history) - 1
+        return self.history.redo_title is not None
 
     def locks(self) -> dict[str, Any]:
         """Return what is locked, as operations want it."""
@@ -202,13 +193,14 @@ class LatentWork(Work):
 
     def preview(self, operation: Operation, *, instead: bool = False) -> None:
         """Show what an operation would lead to, coarsely; the newest one asked for wins."""
-        learner, meanings, start = self.learner, self.meanings, self._start(operation, instead)
+        learner, meanings = self.learner, self.meanings
+        start, operation = self._start(operation, instead), self._given_leave(operation)
         if learner is None or start is None:
             return
 
-        def work() -> tuple[LiveGrain, bool]:
+        def work() -> tuple[LiveGrain, Stance]:
             moved, held = carried_out(learner, start.latent, operation, meanings)
-            return live_grain(learner, moved, MOVING), held
+            return live_grain(learner, moved, MOVING), Stance(moved, (operation,), held)
 
         self.live.ask(work, learner)
 
@@ -222,7 +214,8 @@ class LatentWork(Work):
             Whether it takes the place of the last operation if that was of its kind: the same noise with
             another seed or strength.
         """
-        learner, start = self.learner, self._start(operation, instead)
+        learner = self.learner
+        start, operation = self._start(operation, instead), self._given_leave(operation)
         if learner is None or start is None:
             return False
         try:
@@ -237,21 +230,21 @@ class LatentWork(Work):
 
     def _start(self, operation: Operation, instead: bool) -> Stance | None:
         """Return where an operation begins: where one stands, or stood before the last one of its kind."""
-        stance = self.stance
-        if stance is None or not instead or not stance.operations[1:]:
-            return stance
-        if stance.operations[-1].kind != operation.kind:
-            return stance
-        before = (past for past in reversed(self._history[: self._place]))
-        return next((past for past in before if past.operations == stance.operations[:-1]), stance)
+        return self.history.before_last(operation.kind) if instead else self.history.stance
+
+    def _given_leave(self, operation: Operation) -> Operation:
+        """Return the operation with the leave to go far outside the parents, where that was given."""
+        return replace(operation, given={**operation.given, BEYOND: True}) if self.beyond else operation
 
     def undo(self) -> None:
         """Go back one step."""
-        self._go_to(self._place - 1)
+        if self.history.undo():
+            self._went()
 
     def redo(self) -> None:
         """Go forth again."""
-        self._go_to(self._place + 1)
+        if self.history.redo():
+            self._went()
 
     def reset(self) -> None:
         """Go back to what the grain was before it was shaped, as one step of undo."""
@@ -260,14 +253,12 @@ class LatentWork(Work):
             self.commit(stance.operations[0])
 
     def _push(self, stance: Stance) -> None:
-        self._history = [*self._history[: self._place + 1], stance]
-        self._go_to(len(self._history) - 1)
+        self.history.push(stance)
+        self._went()
 
-    def _go_to(self, place: int) -> None:
-        if 0 <= place < len(self._history):
-            self._place = place
-            self.render()
-            self.stepped.emit()
+    def _went(self) -> None:
+        self.render()
+        self.stepped.emit()
 
     # ---- showing ---------------------------------------------------------------------------------
 
@@ -277,14 +268,15 @@ class LatentWork(Work):
         if learner is None or stance is None:
             return
 
-        def work() -> tuple[LiveGrain, bool]:
-            return live_grain(learner, stance.latent, AT_REST), stance.held
+        def work() -> tuple[LiveGrain, Stance]:
+            return live_grain(learner, stance.latent, AT_REST), stance
 
         self.live.ask(work, learner)
 
-    def _arrived(self, learner: StyleLearner, found: tuple[LiveGrain, bool]) -> None:
+    def _arrived(self, learner: StyleLearner, found: tuple[LiveGrain, Stance]) -> None:
         if learner is self.learner:
-            self.grain, self.is_held = found
+            self.grain, shown = found
+            self.is_held, self.is_beyond = shown.held and not shown.is_beyond, shown.is_beyond
             self.grain_changed.emit()
 
     def _failed(self, learner: StyleLearner, error: Exception) -> None:
@@ -296,51 +288,80 @@ class LatentWork(Work):
 
     # ---- kept grains -----------------------------------------------------------------------------
 
+    @property
+    def kept(self) -> list[Recipe]:
+        """Recipes of the kept grains that the style-learner can make."""
+        return [grain.recipe for grain in self.kept_grains]
+
+    @property
+    def kept_grains(self) -> tuple[KeptGrain, ...]:
+        """The kept grains that the style-learner can make."""
+        return tuple(grain for grain in self.workspace.state.kept if grain.recipe.style == self._digest)
+
     def keep(self) -> Recipe | None:
         """Put the grain where one stands into the gallery, with its recipe."""
-        stance = self.stance
-        if stance is None:
+        learner, stance = self.learner, self.stance
+        if learner is None or stance is None:
             return None
-        if self.learner is not None and not _is_sound(self.learner, stance.latent):
+        if not keeping.is_sound(learner, stance.latent):
             self.said.emit("warning", "Kept, but it is no valid body: a DEM engine would not take it.")
         return self._keep([(stance.latent, stance.operations)])[0]
 
-    def keep_variations(self, sigma: float, count: int, seed: int = 0) -> list[Recipe]:
+    def keep_variations(self, sigma: float, count: int, seed: int = 0) -> Task | None:
         """Put variations of the grain where one stands into the gallery: 'more like this'."""
-        learner, stance = self.learner, self.stance
+        learner, stance, meanings = self.learner, self.stance, self.meanings
         if learner is None or stance is None:
-            return []
-        made: list[tuple[np.ndarray, tuple[Operation, ...]]] = []
-        for number in range(seed, seed + _TRIALS * count):
-            given = {"sigma": sigma, "seed": number, **self.locks()}
-            operation = Operation("noise", given, f"noise σ {sigma:g} (seed {number})")
-            latent = carried_out(learner, stance.latent, operation, self.meanings)[0]
-            if _is_sound(learner, latent):
-                made.append((latent, (*stance.operations, operation)))
-            if len(made) == count:
-                break
-        if len(made) < count:
-            self.said.emit(
-                "warning",
-                f"Only {len(made)} of {count} variations are valid bodies: take less noise, or begin with a "
-                "valid grain.",
-            )
-        return self._keep(made)
+            return None
+        given = {"sigma": sigma, **self.locks(), **({BEYOND: True} if self.beyond else {})}
+
+        def work(control: Control) -> list[tuple[np.ndarray, Operation]]:
+            at = stance.latent
+            return keeping.sound_variations(learner, at, given, count, seed, meanings, control.progress)
+
+        def take(made: list[tuple[np.ndarray, Operation]]) -> None:
+            if len(made) < count:
+                told = f"Only {len(made)} of {count} variations are valid bodies"
+                self.said.emit("warning", f"{told}: take less noise, or begin with a valid grain.")
+            if learner is self.learner and made:
+                self._keep([(latent, (*stance.operations, operation)) for latent, operation in made])
+
+        task = Task(f"Making {count} variations", work)
+        task.succeeded.connect(take)
+        return self.queue.submit(task)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Take kept grains out of the gallery."""
-        gone = set(names)
-        self.kept = [recipe for recipe in self.kept if recipe.name not in gone]
-        self.kept_changed.emit()
+        """Take kept grains out of the gallery, as one step of undo."""
+        gone = set(names) & {recipe.name for recipe in self.kept}
+        if gone:
+            rest = tuple(grain for grain in self.workspace.state.kept if grain.name not in gone)
+            self.history.change(f"Remove {', '.join(sorted(gone))}", kept=rest)
+            self.stepped.emit()
+
+    def rename(self, name: str, to: str) -> bool:
+        """Call a kept grain otherwise, as one step of undo; return whether it could be."""
+        if self.learner is None or name == to.strip():
+            return False
+        try:
+            named = keeping.renamed(self.workspace.state.kept, name, to, self.learner.parents.names)
+        except MbstudioError as error:
+            self.said.emit("error", str(error))
+            self.kept_changed.emit()
+            return False
+        self.history.change(f"Rename {name} to {to.strip()}", kept=named)
+        self.stepped.emit()
+        return True
 
     def _keep(self, made: list[tuple[np.ndarray, tuple[Operation, ...]]]) -> list[Recipe]:
         assert self.learner is not None
-        digest, found = style_digest(self.learner), []
-        for latent, operations in made:
-            self._counter += 1
-            found.append(Recipe(f"kept {self._counter}", tuple(latent.tolist()), operations, digest))
-        self.kept = [*self.kept, *found]
-        self.kept_changed.emit()
+        before = self.workspace.state.kept
+        first = keeping.next_number(before)
+        found = [
+            Recipe(f"kept {number}", tuple(latent.tolist()), operations, self._digest)
+            for number, (latent, operations) in enumerate(made, first)
+        ]
+        title = f"Keep {found[0].name}" if len(found) == 1 else f"Keep {len(found)} variations from {first}"
+        self.history.change(title, kept=(*before, *keeping.measured(self.learner, found)))
+        self.stepped.emit()
         return found
 
     def latent_of(self, name: str) -> Float64[np.ndarray, " d"] | None:
@@ -357,7 +378,7 @@ class LatentWork(Work):
         recipe = next((kept for kept in self.kept if kept.name == name), None)
         if recipe is not None:
             stance = Stance(recipe.vector, recipe.operations)
-            self._push(replace(stance))
+            self._push(stance)
         elif self.latent_of(name) is not None:
             self.commit(Operation("begin", {"parent": name}, f"{name}"))
 
@@ -371,7 +392,3 @@ class LatentWork(Work):
         assert self.meanings is not None
         low, high = self.meanings.units(self.meanings.reach)[:, MEANINGS.index(name)]
         return float(low), float(high)
-
-
-def _is_sound(learner: StyleLearner, latent: np.ndarray) -> bool:
-    return topology(learner.decode(latent[None]).avatar(0).control).is_sound

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -56,9 +57,17 @@ def _clumps_are_fitted_once() -> Iterator[None]:
         yield
 
 
+EXPECTED = "MBSTUDIO_EXPECTED_ENGINES"  # set by run.py test: what it has set up
+
+
 def engine_or_skip(name: str) -> list[str]:
-    """Return the command that starts an engine; skip the test by the engine's name without it."""
+    """Return the command that starts an engine; skip the test by the engine's name without it.
+
+    An engine that the set-up has brought must be there: then its absence is a failure.
+    """
     command = find_engine(name)
+    if command is None and name in os.environ.get(EXPECTED, "").split(","):
+        pytest.fail(f"the DEM engine {name} was set up by run.py test and cannot be found")
     if command is None:
         pytest.skip(f"the DEM engine {name} is not installed (see mbstudio doctor and {VARIABLE})")
     return command

@@ -28,6 +28,30 @@ def test_the_stated_fit_is_that_of_a_plain_count(avatar):
     assert (clump.distance(points) <= 0).tolist() == in_clump.tolist()
 
 
+@pytest.mark.parametrize("spheres", [10, 40])
+def test_the_union_has_the_avatars_volume_and_inertia(spheres, avatar):
+    clump = sphere_clump(avatar, spheres)
+    low, high = avatar.bounds()
+    step = (high - low).max() / 120
+    axes = [np.arange(a - 6 * step, b + 6 * step, step) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    inside = points[clump.distance(points) <= 0]
+    offsets = inside - inside.mean(axis=0)
+    second = offsets.T @ offsets * step**3
+    wanted = mass_properties(avatar, 1)  # 1 kg/m3, lengths in mm: kg mm2 is 1e9 times mm5
+    assert len(inside) * step**3 == pytest.approx(wanted.volume, rel=2e-3)
+    tensor = (np.trace(second) * np.eye(3) - second) * 1e-9
+    error = np.linalg.norm(tensor - wanted.inertia) / np.linalg.norm(wanted.inertia)
+    assert error < 4e-3
+    assert clump.inertia_error == pytest.approx(error, abs=3e-3)
+
+
+def test_small_spheres_do_not_stand_out(avatar):
+    few, many = sphere_clump(avatar, 40), sphere_clump(avatar, 200)
+    assert many.hausdorff < few.hausdorff
+    assert many.hausdorff < 8 * many.mean_distance
+
+
 def test_more_spheres_fit_better(avatar):
     ious = [sphere_clump(avatar, spheres).iou for spheres in (3, 10, 40)]
     assert ious[0] < ious[1] < ious[2]

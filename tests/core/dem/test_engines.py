@@ -9,6 +9,7 @@ import pytest
 
 from mbstudio.core.dem import engines
 from mbstudio.core.errors import ExportError
+from tests.core.dem.conftest import EXPECTED, engine_or_skip
 
 
 def program(folder: Path, name: str, text: str = "#!/bin/sh\n") -> Path:
@@ -51,6 +52,19 @@ def test_modules_are_asked_of_the_interpreter_that_the_variable_names(nowhere):
         assert engines.find_engine("Kratos") is None
     finally:
         engines.has_module.cache_clear()
+
+
+def test_an_engine_that_was_not_set_up_is_skipped_by_name(nowhere, monkeypatch):
+    monkeypatch.setenv(EXPECTED, "LAMMPS,peclet-dem")
+    with pytest.raises(pytest.skip.Exception, match="LIGGGHTS is not installed"):
+        engine_or_skip("LIGGGHTS")
+
+
+@pytest.mark.parametrize("name", ["LAMMPS", "peclet-dem"])
+def test_an_engine_that_was_set_up_is_never_skipped(name, nowhere, monkeypatch):
+    monkeypatch.setenv(EXPECTED, "LAMMPS,peclet-dem")
+    with pytest.raises(pytest.fail.Exception, match=f"{name} was set up"):
+        engine_or_skip(name)
 
 
 def test_an_unknown_engine_is_named(nowhere):

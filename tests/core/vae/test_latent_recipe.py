@@ -22,7 +22,7 @@ def learner() -> StyleLearner:
 
 @pytest.fixture(scope="module")
 def meanings(learner: StyleLearner) -> Meanings:
-    return Meanings.of(learner, samples=600)
+    return Meanings.of(learner)
 
 
 def test_a_recipe_leads_to_the_same_grain_again(learner: StyleLearner, meanings: Meanings) -> None:

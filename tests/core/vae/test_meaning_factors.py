@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbstudio.core.vae.meaning_factors import MEANINGS, _integrals, meaning_factors, roughness
-from mbstudio.core.vae.radii import log_radii
+from mbstudio.core.vae.meaning_factors import MEANINGS, _integrals, departures, meaning_factors, roughness
+from mbstudio.core.vae.radii import directions, log_radii
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.star_factors import star_directions
 from tests.core.vae.boxes import boxes, eight_points
@@ -39,7 +39,23 @@ def test_second_moments_of_an_ellipsoid() -> None:
     assert area > 4 * np.pi * (axes.prod() ** (2 / 3))  # more than the sphere of the same volume
 
 
-def test_roughness_is_what_no_ellipsoid_has() -> None:
+@pytest.mark.parametrize("axes", [(1.0, 0.9, 0.8), (1.0, 0.6, 0.5), (1.0, 1.0, 0.5)])
+def test_an_ellipsoid_has_no_roughness(axes: tuple[float, float, float]) -> None:
+    along = directions()
+    logs = -0.5 * np.log(np.square(along / np.array(axes)).sum(axis=1))
+    assert np.abs(departures(logs[None])).max() < 1e-9
+
+
+@pytest.mark.parametrize(("degree", "share"), [(1, 0.0), (2, 0.0), (3, 0.0), (4, 0.0), (5, 1.0), (7, 1.0)])
+def test_roughness_is_of_degree_five_and_finer(degree: int, share: float) -> None:
+    """A zonal harmonic a P_l on a sphere has an rms of a / sqrt(2 l + 1)."""
+    axis = np.array([0.36, 0.48, 0.8])
+    wave = 0.01 * np.polynomial.legendre.Legendre.basis(degree)(directions() @ axis)
+    left = np.sqrt(np.square(departures(wave[None])).mean())
+    assert left == pytest.approx(share * 0.01 / np.sqrt(2 * degree + 1), rel=0.08, abs=1e-4)
+
+
+def test_roughness_of_bodies() -> None:
     bodies = boxes(3, np.random.default_rng(0))
     smooth, rough = roughness(one_sphere())[0], roughness(bodies)
     assert (rough > 10 * smooth).all()

@@ -1,0 +1,260 @@
+"""One slice of a scan as a flat picture, with the lines where the other two slices cut it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import UInt8
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import (
+    QColor,
+    QEnterEvent,
+    QImage,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QWidget
+
+MARGIN = 6  # pixels around the picture
+LARGEST_ZOOM = 40.0
+
+
+class SlicePane(QWidget):
+    """Shows a slice as the camera's presets do: the first axis to the right, the second upwards.
+
+    The wheel goes through the slices, with Ctrl it zooms; the left button moves the lines, the right one
+    changes the grey window, the middle one moves the picture; a double click shows all of it again.
+
+    Parameters
+    ----------
+    title : str
+        Of the plane: ``"XY"``.
+    across : str
+        The axis that is cut: ``"z"``.
+
+    Attributes
+    ----------
+    stepped : signal (int)
+        Go so many slices further.
+    crossed : signal (float, float)
+        The lines are to cross at this voxel (column, row).
+    pointed : signal (float, float)
+        The mouse is over this voxel (column, row).
+    left : signal
+        The mouse is over none.
+    windowed : signal (float, float)
+        Widen the grey window and raise its middle by these shares of its width.
+    """
+
+    stepped = Signal(int)
+    crossed = Signal(float, float)
+    pointed = Signal(float, float)
+    left = Signal()
+    windowed = Signal(float, float)
+
+    def __init__(self, title: str, across: str) -> None:
+        super().__init__()
+        self.title, self.across = title, across
+        self._image: QImage | None = None
+        self._shape = (1, 1)  # rows, columns
+        self._spacing = (1.0, 1.0)
+        self._cross = (0.0, 0.0)
+        self._told = ""
+        self._colours = ("#888888", "#888888", "#888888", "#000000")
+        self._zoom, self._shift = 1.0, QPointF()
+        self._last: QPointF | None = None
+        self.setMouseTracking(True)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMinimumSize(120, 90)
+        self.setAccessibleName(f"Slice {title}")
+        self.setToolTip(
+            f"<p>{title}: wheel or arrow keys go through the slices, the left button moves the lines, the "
+            "right one changes the grey window (across: its width, up: brighter), Ctrl and wheel zoom.</p>"
+        )
+
+    def sizeHint(self) -> QSize:
+        return QSize(300, 220)
+
+    def show_slice(
+        self,
+        image: UInt8[np.ndarray, "h w 3"] | None,
+        spacing: tuple[float, float] = (1.0, 1.0),
+        told: str = "",
+    ) -> None:
+        """Show a slice.
+
+        Parameters
+        ----------
+        image : uint8 array, shape (h, w, 3), or None
+            Its first row is drawn lowest.
+        spacing : tuple of float
+            Edge of a pixel to the right and upwards, in one unit.
+        told : str
+            Where it was cut, for the corner.
+        """
+        if image is None:
+            self._image = None
+        else:
+            turned = np.ascontiguousarray(image[::-1])
+            height, width, _ = turned.shape
+            if (height, width) != self._shape:
+                self._zoom, self._shift = 1.0, QPointF()
+            self._shape, self._spacing = (height, width), spacing
+            self._image = QImage(
+                turned.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888
+            ).copy()
+        self._told = told
+        self.update()
+
+    def set_cross(self, column: float, row: float) -> None:
+        """Let the lines cross at a voxel."""
+        self._cross = (float(column), float(row))
+        self.update()
+
+    def set_colours(self, own: str, upright: str, level: str, ground: str) -> None:
+        """Take the colours of the frame, of the upright and the level line, and behind the picture."""
+        self._colours = (own, upright, level, ground)
+        self.update()
+
+    # ---- places ----------------------------------------------------------------------------------
+
+    def picture_rect(self) -> QRectF:
+        """Return where the whole picture lies on the widget."""
+        rows, columns = self._shape
+        width, height = columns * self._spacing[0], rows * self._spacing[1]
+        room = QRectF(self.rect()).adjusted(MARGIN, MARGIN, -MARGIN, -MARGIN)
+        scale = max(1e-9, min(room.width() / width, room.height() / height)) * self._zoom
+        result = QRectF(0.0, 0.0, width * scale, height * scale)
+        result.moveCenter(room.center() + self._shift)
+        return result
+
+    def voxel_at(self, place: QPointF) -> tuple[float, float] | None:
+        """Return the voxel (column, row; the centre of the first is 0) under a place, or None outside."""
+        rect, (rows, columns) = self.picture_rect(), self._shape
+        if self._image is None or not rect.contains(place):
+            return None
+        column = (place.x() - rect.left()) / rect.width() * columns - 0.5
+        row = (rect.bottom() - place.y()) / rect.height() * rows - 0.5
+        return column, row
+
+    def place_of(self, column: float, row: float) -> QPointF:
+        """Return where the centre of a voxel lies on the widget."""
+        rect, (rows, columns) = self.picture_rect(), self._shape
+        return QPointF(
+            rect.left() + (column + 0.5) / columns * rect.width(),
+            rect.bottom() - (row + 0.5) / rows * rect.height(),
+        )
+
+    # ---- events ----------------------------------------------------------------------------------
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        own, upright, level, ground = self._colours
+        painter = QPainter(self)
+        painter.fillRect(self.rect(), QColor(ground))
+        if self._image is not None:
+            rect = self.picture_rect()
+            magnified = rect.width() > 2 * self._shape[1]
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, not magnified)
+            painter.drawImage(rect, self._image)
+            place = self.place_of(*self._cross)
+            for colour, start, end in (
+                (upright, QPointF(place.x(), rect.top()), QPointF(place.x(), rect.bottom())),
+                (level, QPointF(rect.left(), place.y()), QPointF(rect.right(), place.y())),
+            ):
+                painter.setPen(QPen(QColor(colour), 1))
+                painter.drawLine(start, end)
+            painter.setPen(QPen(QColor(own), 2 if self.hasFocus() else 1))
+            painter.drawRect(rect)
+            self._write(painter)
+        painter.end()
+
+    def _write(self, painter: QPainter) -> None:
+        words = f"{self.title}   {self._told}" if self._told else self.title
+        metrics = painter.fontMetrics()
+        corner = self.picture_rect().topLeft()
+        left, top = max(corner.x(), 0.0), max(corner.y(), 0.0)
+        box = QRectF(left, top, metrics.horizontalAdvance(words) + 14, metrics.height() + 4)
+        painter.fillRect(box, QColor(self._colours[3]))
+        painter.setPen(QColor(self._colours[0]))
+        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, words)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        turned = event.angleDelta().y() / 120
+        if event.modifiers() & Qt.KeyboardModifier.ControlModifier:
+            self._zoom_at(event.position(), 1.25**turned)
+        elif turned:
+            self.stepped.emit(round(turned) or (1 if turned > 0 else -1))
+        event.accept()
+
+    def _zoom_at(self, place: QPointF, factor: float) -> None:
+        zoom = float(np.clip(self._zoom * factor, 1.0, LARGEST_ZOOM))
+        middle = QRectF(self.rect()).center()
+        away = place - middle - self._shift
+        self._shift += away * (1 - zoom / self._zoom)
+        self._zoom = zoom
+        if zoom == 1.0:
+            self._shift = QPointF()
+        self.update()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        self._last = event.position()
+        if event.button() == Qt.MouseButton.LeftButton:
+            self._cross_at(event.position())
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        place = event.position()
+        moved = place - self._last if self._last is not None else QPointF()
+        self._last = place if event.buttons() else None
+        if event.buttons() & Qt.MouseButton.LeftButton:
+            self._cross_at(place)
+        elif event.buttons() & Qt.MouseButton.RightButton:
+            self.windowed.emit(moved.x() / 200, -moved.y() / 200)
+        elif event.buttons() & Qt.MouseButton.MiddleButton:
+            self._shift += moved
+            self.update()
+        voxel = self.voxel_at(place)
+        if voxel is None:
+            self.left.emit()
+        else:
+            self.pointed.emit(*voxel)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        self._last = None
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        self._zoom, self._shift = 1.0, QPointF()
+        self.update()
+
+    def enterEvent(self, event: QEnterEvent) -> None:
+        self.setCursor(Qt.CursorShape.CrossCursor)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        self.left.emit()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        steps = {
+            Qt.Key.Key_Up: 1,
+            Qt.Key.Key_Down: -1,
+            Qt.Key.Key_Right: 1,
+            Qt.Key.Key_Left: -1,
+            Qt.Key.Key_PageUp: 10,
+            Qt.Key.Key_PageDown: -10,
+        }
+        step = steps.get(Qt.Key(event.key()))
+        if step is None:
+            super().keyPressEvent(event)
+        else:
+            self.stepped.emit(step)
+
+    def _cross_at(self, place: QPointF) -> None:
+        rect = self.picture_rect()
+        inside = QPointF(
+            min(max(place.x(), rect.left()), rect.right() - 1e-6),
+            min(max(place.y(), rect.top() + 1e-6), rect.bottom() - 1e-6),
+        )
+        voxel = self.voxel_at(inside)
+        if voxel is not None:
+            self.crossed.emit(*voxel)
