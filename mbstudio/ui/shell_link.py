@@ -12,7 +12,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave
 from mbstudio.ui.gallery_link import GalleryLink
 from mbstudio.ui.layout_memory import LayoutMemory
-from mbstudio.ui.memory import memory_used
+from mbstudio.ui.memory import give_back_unused, memory_used
 from mbstudio.ui.widgets.history_list import HistoryList
 from mbstudio.ui.widgets.log_panel import LogPanel
 from mbstudio.ui.widgets.recovery_card import RecoveryCard, age
@@ -82,6 +82,12 @@ class ShellLink(QObject):
         self.history.chosen.connect(space.go_to)
         self.history_dock.visibilityChanged.connect(lambda _: self._show_history())
         space.scan_changed.connect(self.memory.use_camera)
+        # Voxels and surfaces of the project before are freed by then.
+        self._trim = QTimer(self)
+        self._trim.setSingleShot(True)
+        self._trim.setInterval(200)
+        self._trim.timeout.connect(give_back_unused)
+        space.project_replaced.connect(self._trim.start)
         window.projects.opened.connect(self.memory.project_opened)
         window.statusBar().insertPermanentWidget(1, self._used)
         for dock in self.memory.docks.values():

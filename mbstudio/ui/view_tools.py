@@ -45,12 +45,17 @@ class ViewTools(QObject):
         window.viewport.clicked.connect(self._clicked)
         window.workspace.scan_changed.connect(self.clear)
         window.workspace.project_replaced.connect(self._leave)
+        # A timer of its own ends with this; what singleShot was given would outlive the window.
+        self._refresh_soon = QTimer(self)
+        self._refresh_soon.setSingleShot(True)
+        self._refresh_soon.setInterval(0)
+        self._refresh_soon.timeout.connect(window.refresh)
         window.messages.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Hide:
             # Esc belongs to the measurements again.
-            QTimer.singleShot(0, self, self._window.refresh)
+            self._refresh_soon.start()
         return super().eventFilter(watched, event)
 
     # ---- measuring -------------------------------------------------------------------------------

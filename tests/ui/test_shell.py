@@ -141,7 +141,8 @@ def test_no_two_commands_have_the_same_keys(window):
         for command in window.commands
         for keys in window.commands.action(command.id).shortcuts()
     )
-    assert [name for name, count in keys.items() if count > 1] == []
+    # Esc closes the message above the view, and means the measurements where there is none.
+    assert [name for name, count in keys.items() if count > 1 and name != "Esc"] == []
 
 
 def test_the_cheat_sheet_shows_every_shortcut(window, qtbot):

@@ -13,6 +13,7 @@ from PySide6.QtCore import (
     QItemSelection,
     QItemSelectionModel,
     QModelIndex,
+    QObject,
     QPersistentModelIndex,
     QPoint,
     QSize,
@@ -87,8 +88,9 @@ class _Model(QAbstractListModel):
 
     wanted = Signal()
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, parent: QObject) -> None:
+        # With a parent: a model that only Python holds lives on with the lambdas that hold it.
+        super().__init__(parent)
         self.bodies: Bodies | None = None
         self.rows = np.zeros(0, dtype=int)
         self.by = ""
@@ -149,7 +151,7 @@ class BodyList(QListView):
         super().__init__()
         self.setObjectName("bodyList")
         self.setAccessibleName("Pictures of bodies")
-        self.content = _Model()
+        self.content = _Model(self)
         self.setModel(self.content)
         self.setViewMode(QListView.ViewMode.IconMode)
         self.setResizeMode(QListView.ResizeMode.Adjust)
