@@ -90,10 +90,11 @@ def nothing_left(qapp, request):
 
 
 @pytest.fixture(autouse=True)
-def state_folder(tmp_path, monkeypatch):
-    """Autosaves of a test are its own."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    return tmp_path / "state"
+def state_folder(tmp_path_factory, monkeypatch):
+    """Autosaves of a test are its own, and not among the files that it looks at."""
+    folder = tmp_path_factory.mktemp("state")
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    return folder
 
 
 @pytest.fixture
