@@ -32,6 +32,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "grains": ("scan", "segmentation", "grains"),
     "style": ("style", "clones"),
     "work": ("fits", "fit_settings"),
+    "kept": ("kept",),
 }
 _NOTE = "note.json"
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields as fields_of
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from mbstudio.core.project import Autosave, FitSettings, Project, ProjectState, 
 from mbstudio.core.scan import Scan
 from mbstudio.core.units import VoxelSize
 from tests.core.project.test_file import assert_same
+from tests.core.project.test_kept_table import grain
 
 
 @pytest.fixture
@@ -48,6 +50,18 @@ def test_what_was_written_comes_back_unsaved_with_the_path_of_its_file(root, sta
     assert project.is_modified
 
 
+def test_every_part_of_a_project_is_saved_once():
+    parts = [field for fields in autosave.PARTS.values() for field in fields]
+    assert sorted(parts) == sorted(field.name for field in fields_of(ProjectState))
+
+
+def test_kept_grains_come_back(root, state):
+    kept = (grain("flat", (0.1, -3.0)), grain("kept 2", (1.0,)))
+    written = Autosave.begin(root)
+    written.write(replace(state, kept=kept))
+    assert written.restore().state.kept == kept
+
+
 def test_only_what_changed_is_written_again(root, state):
     saved = Autosave.begin(root)
     saved.write(state)
@@ -56,7 +70,7 @@ def test_only_what_changed_is_written_again(root, state):
     saved.write(changed)
     after = {entry.name for entry in saved.folder.iterdir()}
     assert {name.partition("-")[0] for name in after - before} == {"work"}
-    assert len(after) == 4, "what was replaced is gone"
+    assert len(after) == 5, "what was replaced is gone"
     assert_same(changed, saved.restore().state)
 
 
