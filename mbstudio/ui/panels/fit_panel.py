@@ -237,7 +237,7 @@ class FitPanel(Panel):
                 ". The edge of the scan cuts it: its true shape is unknown" if line["touches_border"] else ""
             )
             self._facts.setText(
-                f"D_n {diameter:.4g} {unit_label(grains.unit)} · {int(line['voxels']):,} voxels{edge}"
+                f"Dₙ {diameter:.4g} {unit_label(grains.unit)} · {int(line['voxels']):,} voxels{edge}"
             )
         running = self._work.is_running
         self.fit_button.setVisible(not running)

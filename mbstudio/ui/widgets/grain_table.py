@@ -25,7 +25,7 @@ from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
-ROOMY = 500  # pixels: wide enough for all columns
+ROOMY, NARROW = 500, 430  # pixels that all columns need, and all but the volume
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
 COLUMNS = ("Grain", "Volume", "D_n", "Edge", "Avatar", "RMS distance", "Verdict")
@@ -100,7 +100,7 @@ class GrainTableModel(QAbstractTableModel):
             return None
         if role == Qt.ItemDataRole.DisplayRole:
             unit = unit_label(self._unit)
-            return {1: f"V [{unit_label(self._volume_unit)}³]", 2: f"D_n [{unit}]", 5: f"RMS [{unit}]"}.get(
+            return {1: f"V [{unit_label(self._volume_unit)}³]", 2: f"Dₙ [{unit}]", 5: f"RMS [{unit}]"}.get(
                 section, COLUMNS[section]
             )
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -231,8 +231,10 @@ class GrainTable(QTableView):
         return self.content.label(self._sorted.mapToSource(index).row()) if index.isValid() else None
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        # Beside plots not every column has room: the nominal diameter tells the volume as well.
+        # Beside plots not every column has room: the nominal diameter tells the volume as well, and a
+        # grain that the edge cuts has no avatar.
         self.setColumnHidden(1, self.width() < ROOMY)
+        self.setColumnHidden(3, self.width() < NARROW)
         super().resizeEvent(event)
 
     def labels_in_order(self) -> list[int]:
