@@ -161,8 +161,9 @@ class AutosaveWork(Work):
             try:
                 autosave.note  # noqa: B018
             except MbstudioError as error:
+                # What can be read of it may still be worth something to a person: it stays.
                 log.warning("%s", error)
-                autosave.discard()
+                autosave.release()
             else:
                 self.leftovers.append(autosave)
         self.found.emit(list(self.leftovers))
