@@ -56,6 +56,11 @@ class ExportLink(QObject):
         self.work.progressed.connect(self._tell)
         window.theme.changed.connect(lambda: self._view.scene.set_edges(self._edges))
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a change waits for the ones that may follow it."""
+        return self._pause.isActive()
+
     def entered(self) -> None:
         """Look at what would be exported as things stand."""
         self._follow_selection()

@@ -53,8 +53,8 @@ def test_a_folder_that_is_not_there_is_named(tmp_path):
 
 
 def test_what_cannot_be_written_is_said(tmp_path, monkeypatch):
-    with pytest.raises(AnimationError, match=r"use \.gif or \.mp4"):
+    with pytest.raises(AnimationError, match=r"use \.gif or \.png or \.mp4"):
         require_writer(tmp_path / "turn.avi")
     monkeypatch.setattr("mbstudio.scene.animation.find_spec", lambda name: None)
-    with pytest.raises(AnimationError, match=r"imageio-ffmpeg.*\.gif instead"):
+    with pytest.raises(AnimationError, match=r"imageio-ffmpeg.*save as \.gif"):
         require_writer(tmp_path / "turn.mp4")

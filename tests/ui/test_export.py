@@ -6,14 +6,12 @@ import json
 
 import numpy as np
 import pytest
-from PySide6.QtTest import QTest
 
 from mbstudio.core.dem.preview import preview
 from mbstudio.core.imaging import fit
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.project import Project, ProjectState
-
-PAUSE = 320  # milliseconds: longer than the link waits for another change
+from tests.ui.conftest import PATIENCE
 
 
 @pytest.fixture(scope="session")
@@ -23,13 +21,13 @@ def fitted(two_grains):
 
 
 @pytest.fixture
-def exporting(window, idle, two_grains, fitted):
+def exporting(window, idle, qtbot, two_grains, fitted):
     """The window at station Export, and what waits until all previews are made."""
     window.workspace.replace_project(Project(ProjectState(grains=two_grains, fits=fitted)))
     window.enter("export")
 
     def settle():
-        QTest.qWait(PAUSE)
+        qtbot.waitUntil(lambda: not window.exporting.is_waiting, timeout=PATIENCE)
         idle()
 
     settle()
