@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from mbstudio.core.metaball.topology import join_by_lines, lowest_between, nearest_link
+from mbstudio.core.metaball.topology import join_by_lines, lowest_between, nearest_link, topology
 from mbstudio.core.vae.serialization import Serialization
 
 _SAMPLES = 64
@@ -29,12 +29,16 @@ def _heaviest(control, group):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _draw_in(control):  # pragma: no cover - compiled
-    """Draw groups of control points to the heaviest one, each just as far as joins it; True if any moved."""
-    n = control.shape[1]
-    group = np.arange(n)
+def _groups_by_lines(control):  # pragma: no cover - compiled
+    group = np.arange(control.shape[1])
     join_by_lines(control, group, _SAMPLES)
-    moved = False
+    return group
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_in(control, group):  # pragma: no cover - compiled
+    """Draw groups of control points to the heaviest one, each just as far as joins it."""
+    n = control.shape[1]
     for _ in range(n):
         main = _heaviest(control, group)
         apart = (group != main).astype(np.int64)
@@ -60,16 +64,13 @@ def _draw_in(control):  # pragma: no cover - compiled
             if drawn[i]:
                 control[:3, i] = before[:3, i] + high * way
                 group[i] = main
-        moved = True
-    return moved
 
 
 def held_together(avatars: Serialization) -> Serialization:
     """Return the avatars with every control point in one body.
 
-    Control points are in one body if straight lines inside it lead from each to every other, from control
-    point to control point. Those that are not are drawn, as a group, along the line on which they are
-    nearest to joined, no farther than joins them. Avatars of one body come back as they are.
+    A group of control points whose body is a drop of its own is drawn in along the line on which it is
+    nearest to joined, no farther than joins it. Avatars of one body come back as they are.
 
     Parameters
     ----------
@@ -83,7 +84,12 @@ def held_together(avatars: Serialization) -> Serialization:
     changed = False
     for i in range(len(avatars)):
         control = np.concatenate([avatars.centers[i].T, np.exp(avatars.log_weights[i])[None]])
-        if _draw_in(control):
-            centers[i] = control[:3].T
-            changed = True
+        # Straight lines in the body lead from each control point to every other in nearly all avatars;
+        # in the others a grid has to tell, for a way may be bent.
+        if _groups_by_lines(control).any():
+            pieces = topology(control).piece_of_point
+            if pieces.any():
+                _draw_in(control, pieces.astype(np.int64))
+                centers[i] = control[:3].T
+                changed = True
     return replace(avatars, centers=centers) if changed else avatars

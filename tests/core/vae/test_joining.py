@@ -50,6 +50,15 @@ def test_bodies_in_one_piece_come_back_as_they_are() -> None:
     assert held_together(near) is near
 
 
+def test_a_body_whose_ways_are_bent_comes_back_as_it_is() -> None:
+    """Eight corners of a cube are joined in its middle, not along its edges."""
+    corners = avatar_of(
+        0.5 * FLIPS, np.full(8, 0.1)
+    )  # half a diagonal: 0.866; f in the middle: 8 * 0.1 / 0.75
+    assert topology(control_of(corners)).pieces == 1
+    assert held_together(corners) is corners
+
+
 @pytest.mark.parametrize("distance", [1.01, 1.3, 3.0])
 def test_a_drop_is_drawn_in_just_as_far_as_joins_it(distance: float) -> None:
     apart = ball_and_drop(distance * reach(1.0))
