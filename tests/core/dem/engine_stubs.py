@@ -1,4 +1,4 @@
-"""Stand-ins for engines that are not at hand: they take the calls of the decks and tell what they were given."""
+"""Stand-ins for engines that are not at hand: they take the calls of decks and tell what they were given."""
 
 from __future__ import annotations
 
@@ -112,7 +112,9 @@ struct ClumpParticle {
 };
 struct SpeciesHandler {
     LinearViscoelasticFrictionSpecies species;
-    LinearViscoelasticFrictionSpecies* copyAndAddObject(const LinearViscoelasticFrictionSpecies&) { return &species; }
+    LinearViscoelasticFrictionSpecies* copyAndAddObject(const LinearViscoelasticFrictionSpecies&) {
+        return &species;
+    }
     ParticleSpecies* getObject(unsigned) { return &species; }
 };
 struct WallHandler { void copyAndAddObject(const InfiniteWall&) { std::cout << "WALL\n"; } };
@@ -168,7 +170,10 @@ struct Vec3_t {
 };
 inline Vec3_t operator*(double a, Vec3_t const & b) { return Vec3_t(a*b.v[0], a*b.v[1], a*b.v[2]); }
 struct Quaternion_t { double angle; Vec3_t axis; };
-inline void NormalizeRotation(double angle, Vec3_t const & axis, Quaternion_t & q) { q.angle = angle; q.axis = axis; }
+inline void NormalizeRotation(double angle, Vec3_t const & axis, Quaternion_t & q) {
+    q.angle = angle;
+    q.axis = axis;
+}
 namespace OrthoSys { static Vec3_t e0(1, 0, 0), e1(0, 1, 0), e2(0, 0, 1); }
 template <typename T> struct Array {
     std::vector<T> all;
@@ -197,7 +202,10 @@ struct Domain {
         Add(tag);
     }
     void Add(int tag) { Particles.all.push_back(new Particle()); Particles.all.back()->Tag = tag; }
-    Particle * GetParticle(int tag) { for (Particle * p : Particles.all) if (p->Tag == tag) return p; return NULL; }
+    Particle * GetParticle(int tag) {
+        for (Particle * p : Particles.all) if (p->Tag == tag) return p;
+        return NULL;
+    }
     void Solve(double tf, double dt, double, ptFun_t, ptFun_t, char const *, size_t, size_t) {
         for (Particle * p : Particles.all) {
             std::cout << "GRAIN " << p->turn.angle;
