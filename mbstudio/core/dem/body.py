@@ -22,6 +22,8 @@ _RESERVED = {
     "nul",
     "manifest",
     "in",
+    "settle",
+    "templates",
     *(f"{p}{i}" for p in ("com", "lpt") for i in range(1, 10)),
 }
 

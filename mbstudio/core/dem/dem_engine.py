@@ -2,7 +2,11 @@
 
 ``<name>.csv`` has the header ``x,y,z,r`` and nothing but these columns (a missing ``r`` silently gives
 spheres of no radius), in metres; mass and moments are arguments of ``LoadClumpType``, which ``clumps.json``
-holds and ``load_clumps.py`` passes on.
+holds and ``load_clumps.py`` passes on. ``settle.py`` lets some of each fall into a box.
+
+References
+----------
+Chrono DEM-Engine, API.h and its Python demos (``LoadClumpType``, ``AddClumps``, ``SetOriQ`` as x, y, z, w).
 """
 
 from __future__ import annotations
@@ -13,12 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from mbstudio.core.dem.clump_files import (
-    OPTIONS,
+    WITH_DECK,
     check_sphere_table,
     describe_clumps,
     fitted_clumps,
     write_sphere_table,
 )
+from mbstudio.core.dem.dem_engine_deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import must_agree, read_text
 from mbstudio.core.dem.target import Job, Target, Written
@@ -57,8 +62,10 @@ def write(job: Job) -> Written:
     text = json.dumps(entries, indent=1, allow_nan=False)
     (job.folder / _TABLE).write_text(text + "\n", encoding="ascii")
     (job.folder / _LOADER).write_text(_SCRIPT, encoding="ascii")
+    (job.folder / DECK_NAME).write_text(settling_deck(job, clumps), encoding="ascii")
     details = describe_clumps(clumps, job.bodies)
-    return Written([(f"{body.name}.csv",) for body in job.bodies], details, (_TABLE, _LOADER))
+    shared = (_TABLE, _LOADER, DECK_NAME)
+    return Written([(f"{body.name}.csv",) for body in job.bodies], details, shared)
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -87,6 +94,9 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
         must_agree(path, "'mass'", numbers[:1], [item["mass"]])
         must_agree(path, "'moi'", numbers[1:], item["moments"])
         check_moments(item["name"], item["mass"], [float(number) for number in numbers[1:]])
+    if read_text(folder / _LOADER) != _SCRIPT:
+        raise ExportError(f"{folder / _LOADER} is not the script that mbstudio writes: export again.")
+    check_deck(folder / DECK_NAME, manifest)
 
 
 TARGET = Target(
@@ -96,6 +106,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=OPTIONS,
+    options=WITH_DECK,
     units=("m",),
 )

@@ -2,8 +2,8 @@
 
 EDEM reads no such file: its table of a multi-sphere particle takes rows that are copied and pasted, in
 the order of its own columns; the header names ours, so that they can be put in that order. The centre of
-mass is the origin and the axes are principal, as EDEM wants its particles; volume, mass and moments to type
-in stand in the manifest.
+mass is the origin and the axes are principal, as EDEM wants its particles. ``settle.txt`` has what is to be
+typed in: volume, mass and moments of each particle, and the settings with which they settle in a box.
 
 References
 ----------
@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from mbstudio.core.dem.clump_files import (
-    OPTIONS,
+    WITH_DECK,
     check_sphere_table,
     describe_clumps,
     fitted_clumps,
     write_sphere_table,
 )
+from mbstudio.core.dem.edem_steps import STEPS_NAME, check_steps, moments_per_density, settling_steps
 from mbstudio.core.dem.target import Job, Target, Written
 
 _HEADER = "x,y,z,radius"
@@ -34,14 +35,19 @@ def write(job: Job) -> Written:
     clumps = fitted_clumps(job)
     for body, clump in zip(job.bodies, clumps, strict=True):
         write_sphere_table(job.folder / f"{body.name}.csv", clump, _HEADER)
-    details = describe_clumps(clumps, job.bodies)
-    return Written([(f"{body.name}.csv",) for body in job.bodies], details)
+    (job.folder / STEPS_NAME).write_text(settling_steps(job, clumps, _HEADER), encoding="ascii")
+    details = [
+        {**found, "moments_per_density": moments_per_density(body)}
+        for found, body in zip(describe_clumps(clumps, job.bodies), job.bodies, strict=True)
+    ]
+    return Written([(f"{body.name}.csv",) for body in job.bodies], details, (STEPS_NAME,))
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Read the tables back and compare them with the manifest."""
+    """Read the tables back and compare them, and what is to be typed in, with the manifest."""
     for item in manifest["items"]:
         check_sphere_table(folder / item["files"][0], item, _HEADER)
+    check_steps(folder / STEPS_NAME, manifest)
 
 
 TARGET = Target(
@@ -51,5 +57,5 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=OPTIONS,
+    options=WITH_DECK,
 )

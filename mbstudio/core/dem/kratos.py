@@ -21,7 +21,8 @@ from mbstudio.core.dem.clump_files import (
     describe_clumps,
     fitted_clumps,
 )
-from mbstudio.core.dem.kratos_case import CASE_FILES, MATERIALS_NAME, write_case
+from mbstudio.core.dem.kratos_case import CASE_FILES, write_case
+from mbstudio.core.dem.kratos_reading import check_case
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import agrees, must_agree, number_rows, read_text
 from mbstudio.core.dem.target import Job, Target, Written
@@ -71,14 +72,11 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     ------
     ExportError
         For what Kratos would swallow: a blank line after a keyword, a name with spaces, another volume,
-        centre or inertia than the manifest's, radii that are not positive, a material without its cluster.
+        centre or inertia than the manifest's, radii that are not positive, a case that does not fit it.
     """
     for item in manifest["items"]:
         _check_cluster(folder / item["files"][0], item)
-    materials = read_text(folder / MATERIALS_NAME)
-    for item in manifest["items"]:
-        if f'"{item["files"][0]}"' not in materials:
-            raise ExportError(f"{folder / MATERIALS_NAME} does not name {item['files'][0]}.")
+    check_case(folder, manifest)
 
 
 def _check_cluster(path: Path, item: Mapping[str, Any]) -> None:

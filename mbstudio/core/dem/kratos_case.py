@@ -25,7 +25,7 @@ CASE_FILES = (
 )
 _LAW = "DEM_D_Hertz_viscous_Coulomb"
 
-_SCRIPT = '''"""Let the clusters fall. Run within this folder: python settle.py"""
+SCRIPT = '''"""Let the clusters fall. Run within this folder: python settle.py"""
 
 import KratosMultiphysics
 import KratosMultiphysics.DEMApplication as dem
@@ -65,7 +65,7 @@ def write_case(folder: Path, bodies: Sequence[DemBody], clumps: Sequence[Clump],
     parameters = _parameters(stack.half, stack.top, step, seconds)
     for name, content in ((MATERIALS_NAME, materials), (PARAMETERS_NAME, parameters)):
         (folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="ascii")
-    (folder / SCRIPT_NAME).write_text(_SCRIPT, encoding="ascii")
+    (folder / SCRIPT_NAME).write_text(SCRIPT, encoding="ascii")
     (folder / CASE_FILES[3]).write_text(_clusters(stack, sizes), encoding="ascii")
     (folder / CASE_FILES[4]).write_text(_box(stack.half, stack.top), encoding="ascii")
 

@@ -2,7 +2,12 @@
 
 ``<name>.json`` has ``verts`` (each ``{"c": [x, y, z]}``), ``edges`` (each ``{"verts": [i, j]}``) and
 ``faces`` (each ``{"verts": [i, j, k]}``), faces turning outwards. MechSys works through every pair of
-edges that meet, so the mesh is kept coarse.
+edges that meet, so the mesh is kept coarse. ``settle.cpp`` loads them and lets some of each fall into a box.
+
+References
+----------
+MechSys, lib/dem/domain.h: ``AddFromJson(tag, file, R, rho, scale)``, which rounds every edge by R and weighs
+the polyhedron itself.
 """
 
 from __future__ import annotations
@@ -15,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbstudio.core.dem.clump_files import POURED
+from mbstudio.core.dem.mechsys_deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.meshes import check_mesh, write_meshes
 from mbstudio.core.dem.reading_back import read_text
 from mbstudio.core.dem.target import Job, Option, Target, Written
@@ -25,8 +32,16 @@ if TYPE_CHECKING:
 
 
 def write(job: Job) -> Written:
-    """Write one ``<name>.json`` a body."""
-    return write_meshes(job, "json", _write_polyhedron)
+    """Write one ``<name>.json`` a body, and a program for all."""
+    written = write_meshes(job, "json", _write_polyhedron)
+    reach = max(_reach_of(job.folder / files[0]) for files in written.item_files)
+    (job.folder / DECK_NAME).write_text(settling_deck(job, reach), encoding="ascii")
+    return Written(written.item_files, written.item_details, (DECK_NAME,))
+
+
+def _reach_of(path: Path) -> float:
+    record = json.loads(path.read_text(encoding="ascii"))
+    return float(np.linalg.norm([entry["c"] for entry in record["verts"]], axis=1).max())
 
 
 def _write_polyhedron(mesh: trimesh.Trimesh, path: Path) -> None:
@@ -48,6 +63,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     """
     for item in manifest["items"]:
         _check_polyhedron(folder / item["files"][0], item)
+    check_deck(folder / DECK_NAME, manifest)
 
 
 def _check_polyhedron(path: Path, item: Mapping[str, Any]) -> None:
@@ -79,6 +95,9 @@ TARGET = Target(
     write=write,
     validate=validate,
     options=MappingProxyType(
-        {"cells": Option(10, "edges along the longest side of each grain: MechSys wants few", 6, 60)}
+        {
+            "cells": Option(10, "edges along the longest side of each grain: MechSys wants few", 6, 60),
+            "poured": POURED,
+        }
     ),
 )

@@ -2,7 +2,12 @@
 
 ``<name>/Clump/Clump.txt`` holds rows ``x,y,z,r`` without a header, ``<name>/Inertia/Mass.txt`` one number,
 ``<name>/Inertia/TOI.txt`` the inertia tensor and ``<name>/Inertia/PD.txt`` the principal directions, 3 x 3
-comma-separated; here diagonal and the identity, in SI units.
+comma-separated; here diagonal and the identity, in SI units. ``Settle.cpp`` is a driver that reads them and
+lets some of each fall into a box.
+
+References
+----------
+MercuryDPM, Drivers/Clump (ClumpHeaders/ClumpInput.h, Mercury3DClump.h, TGas, RotatingDrum).
 """
 
 from __future__ import annotations
@@ -15,13 +20,14 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.clump_files import (
-    OPTIONS,
+    WITH_DECK,
     check_sphere_table,
     describe_clumps,
     fitted_clumps,
     write_sphere_table,
 )
 from mbstudio.core.dem.manifest import check_moments
+from mbstudio.core.dem.mercury_deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.reading_back import must_agree, number_rows, read_text
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
@@ -33,8 +39,9 @@ def write(job: Job) -> Written:
     files = [_write_folder(job.folder, body) for body in job.bodies]
     for body_files, clump in zip(files, clumps, strict=True):
         write_sphere_table(job.folder / body_files[0], clump)
+    (job.folder / DECK_NAME).write_text(settling_deck(job, clumps), encoding="ascii")
     details = describe_clumps(clumps, job.bodies)
-    return Written(files, details)
+    return Written(files, details, (DECK_NAME,))
 
 
 def _write_folder(folder: Path, body: DemBody) -> tuple[str, ...]:
@@ -72,6 +79,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
         must_agree(tensor, "the tensor", _words(found), _words_wanted(np.diag(item["moments"])))
         check_moments(item["name"], item["mass"], list(found.diagonal()))
         must_agree(directions, "the directions", _words(_read_matrix(directions)), _words_wanted(np.eye(3)))
+    check_deck(folder / DECK_NAME, manifest)
 
 
 def _read_matrix(path: Path) -> np.ndarray:
@@ -96,6 +104,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=OPTIONS,
+    options=WITH_DECK,
     units=("m",),
 )

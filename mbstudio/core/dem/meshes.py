@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstudio.core.dem.remesh import angles_of, well_shaped_mesh
+from mbstudio.core.dem.shape_checks import MESH_SCRIPT, check_script, write_script
 from mbstudio.core.dem.target import Job, Option, Written
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metrics.mass import volume_integrals
@@ -25,7 +26,7 @@ ACCEPTED_ANGLE = 1.0
 
 
 def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Path], None]) -> Written:
-    """Write one mesh file a body and describe it."""
+    """Write one mesh file a body and describe it; no example beside them."""
     files, details = [], []
     for index, body in enumerate(job.bodies):
         job.progress(index / len(job.bodies), f"Meshing {body.name}")
@@ -35,6 +36,14 @@ def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Pa
         files.append((name,))
         details.append(describe_mesh(mesh))
     return Written(files, details)
+
+
+def write_checked_meshes(
+    job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Path], None]
+) -> Written:
+    """Write one mesh file a body, and a script that loads them all and compares them with the manifest."""
+    written = write_meshes(job, suffix, write_one)
+    return Written(written.item_files, written.item_details, (write_script(job.folder, MESH_SCRIPT),))
 
 
 def describe_mesh(mesh: trimesh.Trimesh) -> dict[str, Any]:
@@ -65,6 +74,7 @@ def validate_meshes(folder: Path, manifest: Mapping[str, Any]) -> None:
     for item in manifest["items"]:
         (name,) = item["files"]
         check_mesh(folder / name, read_mesh(folder / name), item)
+    check_script(folder, MESH_SCRIPT)
 
 
 def check_mesh(path: Path, mesh: trimesh.Trimesh, item: Mapping[str, Any]) -> None:

@@ -3,7 +3,7 @@
 ``<name>.csv`` has the header ``x,y,z,k`` and one row a control point, in the principal frame
 with the centre of mass at the origin, lengths in the unit of the export, k in that unit squared
 (ComFluSoM's ``AddMetaball`` takes these numbers as they are). ``<name>.json`` holds the same with
-unit, pose and scale.
+unit, pose and scale. ``check_shapes.py`` is an example that loads the tables with NumPy alone.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.dem.body import DemBody, is_finite
+from mbstudio.core.dem.shape_checks import METABALL_SCRIPT, check_script, write_script
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import AvatarError, ExportError
 from mbstudio.core.metaball.avatar import Avatar
@@ -39,7 +40,7 @@ def write(job: Job) -> Written:
         (job.folder / record).write_text(text + "\n", encoding="utf-8")
         files.append((table, record))
         details.append({"control_points": body.avatar.n})
-    return Written(files, details)
+    return Written(files, details, (write_script(job.folder, METABALL_SCRIPT),))
 
 
 def write_table(path: Path, avatar: Avatar) -> None:
@@ -156,6 +157,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
         if from_record.unit != manifest["unit"]:
             raise ExportError(f"{record} is in {from_record.unit}, the manifest in {manifest['unit']}.")
         check_body(table, from_table, item)
+    check_script(folder, METABALL_SCRIPT)
 
 
 def check_body(path: Path, avatar: Avatar, item: Mapping[str, Any]) -> None:

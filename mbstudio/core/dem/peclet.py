@@ -134,6 +134,8 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     stated = repr([item["files"][0] for item in manifest["items"]])
     if f"FILES = {stated}\n" not in read_text(folder / SCRIPT_NAME):
         raise ExportError(f"{folder / SCRIPT_NAME} does not load the grids of the manifest.")
+    if not read_text(folder / SCRIPT_NAME).endswith(_SCRIPT[_SCRIPT.index("def load(sim)") :]):
+        raise ExportError(f"{folder / SCRIPT_NAME} is cut off, or not the script that mbstudio writes.")
 
 
 TARGET = Target(

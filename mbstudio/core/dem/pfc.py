@@ -2,7 +2,12 @@
 
 ``<name>.dat`` holds one ``clump template create`` command in the unit of the export: pebbles as ``r x y z``,
 the volume, and the inertia per unit density (a density of 1 and lengths in that unit) as ``Ixx Iyy
-Izz Ixy Ixz Iyz``; ``templates.dat`` calls them all.
+Izz Ixy Ixz Iyz``; ``templates.dat`` calls them all, and ``settle.dat`` lets some of each fall into a box.
+
+References
+----------
+Itasca, PFC command reference (6.0 to 9.0): ``clump template``, ``clump replicate``,
+``contact cmat``, ``model solve``.
 """
 
 from __future__ import annotations
@@ -11,8 +16,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mbstudio.core.dem.clump_files import OPTIONS, check_spheres, describe_clump, fitted_clumps, sphere_rows
+from mbstudio.core.dem.clump_files import (
+    WITH_DECK,
+    check_spheres,
+    describe_clump,
+    fitted_clumps,
+    sphere_rows,
+)
 from mbstudio.core.dem.manifest import check_moments
+from mbstudio.core.dem.pfc_deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.reading_back import must_agree, number_rows, read_lines, read_text
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
@@ -40,7 +52,8 @@ def write(job: Job) -> Written:
         details.append({**describe_clump(clump, body), "inertia_per_density": inertia})
     calls = "".join(f"program call '{body.name}.dat'\n" for body in job.bodies)
     (job.folder / _ALL).write_text(calls, encoding="ascii")
-    return Written([(f"{body.name}.dat",) for body in job.bodies], details, (_ALL,))
+    (job.folder / DECK_NAME).write_text(settling_deck(job, clumps, _ALL), encoding="ascii")
+    return Written([(f"{body.name}.dat",) for body in job.bodies], details, (_ALL, DECK_NAME))
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -58,6 +71,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
         raise ExportError(
             f"{folder / _ALL} does not call the templates of the manifest, each once, in order."
         )
+    check_deck(folder / DECK_NAME, manifest, _ALL)
 
 
 def _check_template(path: Path, item: Mapping[str, Any]) -> None:
@@ -87,5 +101,5 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=OPTIONS,
+    options=WITH_DECK,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbstudio.core.dem.meshes import OPTIONS, validate_meshes, write_meshes
+from mbstudio.core.dem.meshes import OPTIONS, validate_meshes, write_checked_meshes
 from mbstudio.core.dem.target import Job, Target, Written
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def write(job: Job) -> Written:
     """Write one ``<name>.ply`` a body."""
-    return write_meshes(job, "ply", _write_one)
+    return write_checked_meshes(job, "ply", _write_one)
 
 
 def _write_one(mesh: trimesh.Trimesh, path: Path) -> None:

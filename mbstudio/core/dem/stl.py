@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbstudio.core.dem.meshes import OPTIONS, validate_meshes, write_meshes
+from mbstudio.core.dem.meshes import OPTIONS, validate_meshes, write_checked_meshes
 from mbstudio.core.dem.target import Job, Option, Target, Written
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def write(job: Job) -> Written:
     """Write one ``<name>.stl`` a body."""
     write_one = _write_binary if job.options["binary"] else _write_text
-    return write_meshes(job, "stl", write_one)
+    return write_checked_meshes(job, "stl", write_one)
 
 
 def _write_text(mesh: trimesh.Trimesh, path: Path) -> None:

@@ -120,6 +120,8 @@ def settling_script(
 def check_kinds(path: Path, manifest: Mapping[str, Any]) -> None:
     """Raise ExportError unless a script names files, masses and moments of the manifest."""
     text = read_text(path)
+    if not text.endswith(_SCRIPT[_SCRIPT.index("O.dt = STEP") :]):
+        raise ExportError(f"{path} is cut off: it does not end by running and telling the energy.")
     line = next((line for line in text.splitlines() if line.startswith("KINDS = ")), None)
     try:
         kinds = ast.literal_eval(line.removeprefix("KINDS = ")) if line else []

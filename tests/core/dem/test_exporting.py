@@ -112,6 +112,7 @@ def test_without_a_density_no_mass_is_stated(avatar, tmp_path):
         ({"names": ["../a"]}, "cannot be the name"),
         ({"names": ["con"]}, "cannot be the name"),
         ({"names": ["manifest"]}, "cannot be the name"),
+        ({"names": ["settle"], "target": "pfc"}, "cannot be the name"),
         ({"names": ["a", "b"]}, "2 names were given for 1"),
         ({"cells": 3}, "from 8 to 200"),
         ({"cells": "many"}, "cannot be 'many'"),
@@ -192,7 +193,13 @@ def test_a_later_export_replaces_the_earlier_and_keeps_other_files(avatars, tmp_
     (out / "runs").mkdir()
     (out / "runs" / "log").write_text("mine too")
     export(avatars[:1], "stl", out, names=["one"], cells=12)
-    assert sorted(p.name for p in out.iterdir()) == ["manifest.json", "notes.txt", "one.stl", "runs"]
+    assert sorted(p.name for p in out.iterdir()) == [
+        "check_shapes.py",
+        "manifest.json",
+        "notes.txt",
+        "one.stl",
+        "runs",
+    ]
     assert (out / "notes.txt").read_text() == "mine"
     assert (out / "runs" / "log").read_text() == "mine too"
 
@@ -206,6 +213,7 @@ def test_folders_of_an_earlier_export_go_and_other_files_in_them_stay(avatars, t
     assert len((out / "grain_3" / "Clump" / "Clump.txt").read_text().splitlines()) == 5
     export(avatars[:1], "metaball", out)
     assert sorted(p.name for p in out.iterdir()) == [
+        "check_shapes.py",
         "grain_1.csv",
         "grain_1.json",
         "grain_2",

@@ -132,6 +132,52 @@ def test_a_corrupted_cluster_is_refused(kind, exported):
     assert_refused(exported, "grain_1.clu", *CORRUPTIONS[kind])
 
 
+CASE = {
+    "another density": (
+        "MaterialsDEM.json",
+        lambda t: re.sub(r'("PARTICLE_DENSITY": )\S+', r"\g<1>1.0,", t, count=1),
+        "'PARTICLE_DENSITY'",
+    ),
+    "gravity upwards": (
+        "ProjectParametersDEM.json",
+        lambda t: t.replace('"GravityZ": -', '"GravityZ": '),
+        "'GravityZ'",
+    ),
+    "no time step": (
+        "ProjectParametersDEM.json",
+        lambda t: re.sub(r'("MaxTimeStep": )[^,]+', r"\g<1>0", t),
+        "a time step of 0",
+    ),
+    "a kind that is not there": (
+        "settleDEM_Clusters.mdpa",
+        lambda t: re.sub(r"(Elements Cluster3D\n1) \d+", r"\g<1> 9", t),
+        "other kinds",
+    ),
+    "a turn that is none": (
+        "settleDEM_Clusters.mdpa",
+        lambda t: re.sub(r"\[4\] \( [^,]+", "[4] ( 3.0", t, count=1),
+        "length 1",
+    ),
+    "a cluster lost": (
+        "settleDEM_Clusters.mdpa",
+        lambda t: re.sub(r"(Begin Nodes\n).*\n", r"\1", t),
+        "particles",
+    ),
+    "a wall lost": (
+        "settleDEM_FEM_boundary.mdpa",
+        lambda t: re.sub(r"(RigidFace3D3N\n).*\n", r"\1", t),
+        "no box",
+    ),
+    "another script": ("settle.py", lambda t: t.replace("% 250", "% 25"), "not the script"),
+}
+
+
+@pytest.mark.parametrize("kind", CASE)
+def test_a_corrupted_case_is_refused(kind, exported):
+    name, change, message = CASE[kind]
+    assert_refused(exported, name, change, message)
+
+
 def test_a_material_without_its_cluster_is_refused(exported):
     assert_refused(
         exported, "MaterialsDEM.json", lambda t: t.replace("grain_1.clu", "other.clu"), "does not name"

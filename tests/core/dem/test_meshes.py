@@ -81,7 +81,7 @@ CORRUPTIONS = {
 
 @pytest.mark.parametrize("kind", CORRUPTIONS)
 def test_a_corrupted_mesh_is_refused(kind, avatar, tmp_path):
-    (path, _) = export(avatar, "obj", tmp_path / "out", unit="mm", cells=12).files
+    (path, *_) = export(avatar, "obj", tmp_path / "out", unit="mm", cells=12).files
     change, message = CORRUPTIONS[kind]
     path.write_text("\n".join(change(_obj_lines(path))))
     with pytest.raises(ExportError, match=message) as caught:
@@ -90,7 +90,7 @@ def test_a_corrupted_mesh_is_refused(kind, avatar, tmp_path):
 
 
 def test_a_sliver_is_refused(avatar, tmp_path):
-    (path, _) = export(avatar, "stl", tmp_path / "out", unit="mm", cells=12).files
+    (path, *_) = export(avatar, "stl", tmp_path / "out", unit="mm", cells=12).files
     mesh = trimesh.load_mesh(path)
     vertices = np.array(mesh.vertices)
     first, second = mesh.faces[0][:2]
@@ -124,7 +124,7 @@ run 1
 
 def test_liggghts_takes_the_mesh_and_refuses_one_with_slivers(avatar, liggghts, tmp_path):
     out = tmp_path / "out"
-    (path, _) = export(avatar, "stl", out, unit="mm", cells=24).files
+    (path, *_) = export(avatar, "stl", out, unit="mm", cells=24).files
 
     def run(name: str) -> subprocess.CompletedProcess[str]:
         # The mesh is scaled up: LIGGGHTS compares lengths with fixed precisions.
