@@ -50,6 +50,7 @@ class ExportLink(QObject):
         self._card.switched.connect(lambda _: self.update())
         self._card.step_asked.connect(self.step)
         window.workspace.selection_changed.connect(self._follow_selection)
+        window.gallery.kept.currentRowChanged.connect(lambda _: self._follow_kept())
         self.work.made.connect(self._show)
         self.work.refused.connect(self._refuse)
         self.work.specimen_made.connect(self._show_specimen)
@@ -60,6 +61,7 @@ class ExportLink(QObject):
 
     def entered(self) -> None:
         """Look at what would be exported as things stand."""
+        self._follow_kept()
         self._follow_selection()
         self.update()
         # The window offers the station's layers first.
@@ -98,6 +100,9 @@ class ExportLink(QObject):
         if self._window.station == "export" and label in labels:
             self._place = labels.index(label)
             self._wait()
+
+    def _follow_kept(self) -> None:
+        self._panel.choose_kept(self._window.gallery.kept.chosen)
 
     def update(self) -> None:
         """Bring preview and specimen up to date."""
