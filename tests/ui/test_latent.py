@@ -387,3 +387,27 @@ def test_the_real_viewport_follows_the_slider(shaping, rest, qtbot):
     window.commands.run("edit.undo")
     rest()
     assert changed(before, window.viewport.picture()) < 0.001
+
+
+def test_the_panel_tells_of_meanings_on_the_way(window, rest, learner, meanings, monkeypatch, qtbot):
+    def endless(_, *, on_progress):
+        while True:
+            on_progress(0.5)
+
+    monkeypatch.setattr(Meanings, "of", endless)
+    window.enter("latent")
+    window.workspace.use_style(learner)
+    hint = window.panels_latent._learning
+    qtbot.waitUntil(lambda: window.latents.is_learning, timeout=PATIENCE)
+    assert hint.text() == "Learning what the latents mean …"
+    assert not window.panels_latent.meanings["size"].isEnabled()
+    qtbot.waitUntil(lambda: window.queue.running() is not None, timeout=PATIENCE)
+    assert window.commands.run("work.cancel")
+    rest()
+    assert "come back" in hint.text()
+    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    window.enter("scan")
+    window.enter("latent")
+    rest()
+    assert hint.isHidden()
+    assert window.panels_latent.meanings["size"].isEnabled()
