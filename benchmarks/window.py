@@ -113,7 +113,9 @@ def environment(folder: Path) -> dict[str, str]:
     settings = folder / "config" / "mbstudio" / "mbstudio.ini"
     settings.parent.mkdir(parents=True, exist_ok=True)
     settings.write_text("[tour]\nseen=1\n")
-    return {"QT_QPA_PLATFORM": "offscreen", **os.environ, **home}
+    # An installed program finds its bytecode; where none may be written, every start would compile all of it.
+    given = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return {"QT_QPA_PLATFORM": "offscreen", **given, **home}
 
 
 def start(folder: Path, scan: Path | None = None) -> dict[str, float]:

@@ -11,6 +11,7 @@ from mbstudio.core.errors import ExportError
 from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.scene.export_preview import PreviewSurfaces
+from mbstudio.ui.soon import Soon
 from mbstudio.ui.station_layers import STATION_LAYERS
 from mbstudio.ui.widgets.numbers import readable_power_unit
 from mbstudio.ui.work.preview_work import PreviewWork, SpecimenSketch
@@ -34,6 +35,7 @@ class ExportLink(QObject):
         self._window, self._panel, self._view = window, window.panels_export, window.link
         self._card, self._form = self._panel.preview, self._panel.specimen
         self.work = PreviewWork(window.queue, self)
+        self._soon = Soon(self)
         self._place = 0
         self._shown: tuple[object, ...] | None = None
         self._sketched: tuple[object, ...] | None = None
@@ -48,13 +50,14 @@ class ExportLink(QObject):
         self._card.switched.connect(lambda _: self.update())
         self._card.step_asked.connect(self.step)
         window.workspace.selection_changed.connect(self._follow_selection)
+        window.gallery.kept.currentRowChanged.connect(lambda _: self._follow_kept())
         self.work.made.connect(self._show)
         self.work.refused.connect(self._refuse)
         self.work.specimen_made.connect(self._show_specimen)
         self.work.specimen_refused.connect(self._form.refuse)
         self.work.curve_made.connect(self._take_curve)
         self.work.progressed.connect(self._tell)
-        window.theme.changed.connect(lambda: self._view.scene.set_edges(self._edges))
+        window.theme.changed.connect(self._repaint)
 
     @property
     def is_waiting(self) -> bool:
@@ -63,10 +66,11 @@ class ExportLink(QObject):
 
     def entered(self) -> None:
         """Look at what would be exported as things stand."""
+        self._follow_kept()
         self._follow_selection()
         self.update()
         # The window offers the station's layers first.
-        QTimer.singleShot(0, self, self._offer_layers)
+        self._soon.call(self._offer_layers)
 
     def left(self) -> None:
         """Make nothing any more; the scene gets the unit of the grains back."""
@@ -85,6 +89,9 @@ class ExportLink(QObject):
             self._place = (self._place + by) % len(named)
             self.update()
 
+    def _repaint(self) -> None:
+        self._view.scene.set_edges(self._edges)
+
     # ---- what is looked at -----------------------------------------------------------------------
 
     def _wait(self) -> None:
@@ -98,6 +105,9 @@ class ExportLink(QObject):
         if self._window.station == "export" and label in labels:
             self._place = labels.index(label)
             self._wait()
+
+    def _follow_kept(self) -> None:
+        self._panel.choose_kept(self._window.gallery.kept.chosen)
 
     def update(self) -> None:
         """Bring preview and specimen up to date."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QFileDialog, QMessageBox
+from PySide6.QtWidgets import QFileDialog
 
+from mbstudio.ui.widgets.leave_card import LeaveCard
 from mbstudio.ui.widgets.scan_dialog import ScanDialog
 from mbstudio.ui.work.scan_work import SCAN_SUFFIXES
 
@@ -29,6 +31,10 @@ class FileActions(QObject):
     def __init__(self, window: MainWindow) -> None:
         super().__init__(window)
         self._window = window
+        self._then: Callable[[], object] | None = None
+        self.leaving = LeaveCard()
+        self.leaving.answered.connect(self._leave)
+        window.workspace.project_replaced.connect(self.leaving.take_away)
 
     def ask_scan(self) -> None:
         """Let the person choose a scan file."""
@@ -228,35 +234,35 @@ class FileActions(QObject):
         window = self._window
         return window.workspace.is_modified or bool(window.fits.arrived_fits) or window.fits.is_running
 
-    def leave_project(self, then: Any) -> None:
-        """Do `then` once unsaved work is saved or given up."""
+    def leave_project(self, then: Callable[[], object]) -> None:
+        """Do `then` once unsaved work is saved or given up; a card above the view asks for which."""
         window = self._window
         if not (window.ask_before_closing and self.has_unsaved_work and window.workspace.can_be_saved):
             then()
             return
         running = window.queue.running()
-        box = QMessageBox(self._window)
-        box.setIcon(QMessageBox.Icon.Question)
-        box.setText(f"Save the changes to “{self._window.workspace.title}”?")
         told = "Otherwise the grains and avatars since the last save are lost."
         if running is not None:
             told = f"“{running.title}” is still running and will be stopped. " + told
-        box.setInformativeText(told)
-        buttons = QMessageBox.StandardButton
-        box.setStandardButtons(buttons.Save | buttons.Discard | buttons.Cancel)
-        answer = box.exec()
-        if answer == buttons.Save:
+        self._then = then
+        self.leaving.ask(f"Save the changes to “{window.workspace.title}”?", told)
+
+    def _leave(self, answer: str) -> None:
+        """Do what was answered; work may have been done or saved since the question was asked."""
+        window, then = self._window, self._then
+        self._then = None
+        if answer == "save":
             # What a fit has reached so far comes into the project, then into the file.
             if window.fits.running_label is not None:
                 window.fits.stop()
             else:
                 window.queue.cancel_all("work")
-            path = self._window.workspace.project.path
+            path = window.workspace.project.path
             if path is None:
                 self.save_as(after=then)
             else:
-                self._window.projects.save(path, after=then)
-        elif answer == buttons.Discard:
+                window.projects.save(path, after=then)
+        elif answer == "discard" and then is not None:
             then()
 
     def folder(self, name: str = "") -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float64
-from PySide6.QtCore import QObject, QTimer
+from PySide6.QtCore import QObject
 from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QFileDialog
 
@@ -23,6 +23,7 @@ from mbstudio.scene.animation import require_writer
 from mbstudio.scene.morph_animation import write_morph
 from mbstudio.scene.surfaces import Surface
 from mbstudio.ui.latent_pictures import LatentPictures
+from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.blend_page import LETTERS, STRIP
 from mbstudio.ui.widgets.factor_radar import SHORT
 from mbstudio.ui.workers import Task
@@ -50,6 +51,7 @@ class LatentLink(QObject):
         self.pictures = LatentPictures(window.queue, window.theme, self)
         self.letters: dict[str, tuple[str, Float64[np.ndarray, " d"]]] = {}
         self._framed: object = None
+        self._soon = Soon(self)
         self._connect()
 
     def _connect(self) -> None:
@@ -89,7 +91,7 @@ class LatentLink(QObject):
         if learner is not None:
             self._scene.set_unit(learner.unit)
             # The docks of the station take their room first.
-            QTimer.singleShot(0, self._window, lambda: self._frame(True))
+            self._soon.call(partial(self._frame, True))
 
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""

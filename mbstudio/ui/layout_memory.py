@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QObject, QTimer
+from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QDockWidget
 
 import mbstudio
+from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.preferences import is_on
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class LayoutMemory(QObject):
         self.hidden: dict[str, set[str]] = {}
         self._shown_before: set[str] = set()
         self._wanted: Any = None
+        self._soon = Soon(self)
 
     @property
     def docks(self) -> dict[str, QDockWidget]:
@@ -128,7 +130,7 @@ class LayoutMemory(QObject):
             self._window.viewport.plotter.renderer.ResetCameraClippingRange()
             self._window.viewport.request_render()
 
-        QTimer.singleShot(0, self, take)
+        self._soon.call(take)
 
 
 def _record(text: Any) -> dict[str, Any]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QObject, QTimer
+from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.gallery import tray_surface
+from mbstudio.ui.soon import Soon
 from mbstudio.ui.workers import Task
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class StyleLink(QObject):
 
     def __init__(self, window: MainWindow) -> None:
         super().__init__(window)
-        self._window = window
+        self._window, self._soon = window, Soon(self)
         self._space, self._styles, self._clones = window.workspace, window.styles, window.clones
         self._panel, self._dock = window.panels_style, window.style_page
         self._laid_out: tuple[object, int, str] | None = None
@@ -66,7 +67,7 @@ class StyleLink(QObject):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Resize:
             # Once the view has taken its new size.
-            QTimer.singleShot(0, self, self._window.link.refit_tray)
+            self._soon.call(self._window.link.refit_tray)
         return super().eventFilter(watched, event)
 
     # ---- in step ---------------------------------------------------------------------------------

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QObject, QTimer
+from PySide6.QtCore import QEvent, QObject
 
 from mbstudio.scene.measurements import POINTS, Kind
+from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.clip_bar import ClipBar
 
 if TYPE_CHECKING:
@@ -45,17 +46,13 @@ class ViewTools(QObject):
         window.viewport.clicked.connect(self._clicked)
         window.workspace.scan_changed.connect(self.clear)
         window.workspace.project_replaced.connect(self._leave)
-        # A timer of its own ends with this; what singleShot was given would outlive the window.
-        self._refresh_soon = QTimer(self)
-        self._refresh_soon.setSingleShot(True)
-        self._refresh_soon.setInterval(0)
-        self._refresh_soon.timeout.connect(window.refresh)
+        self._soon = Soon(self)
         window.messages.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Hide:
             # Esc belongs to the measurements again.
-            self._refresh_soon.start()
+            self._soon.call(self._window.refresh)
         return super().eventFilter(watched, event)
 
     # ---- measuring -------------------------------------------------------------------------------

@@ -239,6 +239,7 @@ class WindowLayout(QMainWindow):
         layout.setSpacing(0)
         layout.addWidget(self.view_bar)
         layout.addWidget(self.messages)
+        layout.addWidget(self.files.leaving)
         layout.addWidget(self.tools.bar)
         layout.addWidget(self._pages, 1)
         self.setCentralWidget(centre)

@@ -15,9 +15,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QObject, Qt, Signal
 
 from mbstudio.core.errors import Cancelled
+from mbstudio.ui.soon import Soon
 
 log = logging.getLogger(__name__)
 
@@ -274,6 +275,7 @@ class TaskQueue(QObject):
         super().__init__(parent)
         self._running: dict[str, Task] = {}
         self._waiting: dict[str, deque[tuple[str | None, Task]]] = {}
+        self._soon = Soon(self)
 
     def submit(self, task: Task, lane: str = "work", key: str | None = None) -> Task:
         """Start a task as soon as its lane is free."""
@@ -345,11 +347,12 @@ class TaskQueue(QObject):
         if self._running.get(lane) is task:
             del self._running[lane]
             # Not from within the task's own signal: its last listeners come first.
-            QTimer.singleShot(0, self, lambda: self._go_on(lane))
+            self._soon.call(self._go_on)
         # Listeners may hold the task and, through its signals, be held by it: Python sees no such ring.
         task.deleteLater()
         self.changed.emit()
 
-    def _go_on(self, lane: str) -> None:
-        self._start_next(lane)
+    def _go_on(self) -> None:
+        for lane in [*self._waiting]:
+            self._start_next(lane)
         self.changed.emit()

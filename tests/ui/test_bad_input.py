@@ -10,7 +10,7 @@ import pytest
 import tifffile
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
-from PySide6.QtWidgets import QDialog, QFileDialog, QMessageBox, QPushButton
+from PySide6.QtWidgets import QDialog, QFileDialog, QPushButton
 
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.ui.widgets.scan_dialog import ScanDialog
@@ -269,15 +269,7 @@ def test_a_missing_scan_is_asked_for_and_work_goes_on_without(
     assert len(window.workspace.state.grains) == 3
 
 
-def answer_with(monkeypatch, button, told):
-    def answer(box):
-        told.append(f"{box.text()} {box.informativeText()}")
-        return button
-
-    monkeypatch.setattr(QMessageBox, "exec", answer)
-
-
-def test_closing_while_a_fit_runs_keeps_what_it_has_reached(segmented, idle, tmp_path, monkeypatch, qtbot):
+def test_closing_while_a_fit_runs_keeps_what_it_has_reached(segmented, idle, tmp_path, qtbot):
     window = segmented
     window.projects.save(tmp_path / "sand.mbs")
     idle()
@@ -289,17 +281,15 @@ def test_closing_while_a_fit_runs_keeps_what_it_has_reached(segmented, idle, tmp
     assert window.commands.run("fit.grain")
     qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
     assert not window.workspace.is_modified
-    told = []
     window.ask_before_closing = True
-    answer_with(monkeypatch, QMessageBox.StandardButton.Cancel, told)
     window.close()
+    window.files.leaving.cancel.click()
     assert window.isVisible()
     assert window.fits.is_running, "called off: it goes on"
-    answer_with(monkeypatch, QMessageBox.StandardButton.Save, told)
     window.close()
+    assert f"“Fitting grain {label}” is still running" in window.files.leaving.text
+    window.files.leaving.save.click()
     qtbot.waitUntil(lambda: not window.isVisible(), timeout=PATIENCE)
-    assert len(told) == 2
-    assert f"“Fitting grain {label}” is still running" in told[1]
     with Project.open(tmp_path / "sand.mbs") as saved:
         assert list(saved.fits) == [label]
 

@@ -234,3 +234,31 @@ def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, m
     window.workspace.use_style(None)
     rest()
     assert not gallery.tabs.isTabVisible(2)
+
+
+def test_one_kept_grain_alone_is_exported(shaping, rest):
+    window, export = shaping, shaping.panels_export
+    for _ in range(2):
+        window.panels_latent.randomise.click()
+        keep(window, rest)
+    window.gallery.kept.choose("kept 2")
+    window.enter("export")
+    rest()
+    export.choose("kept")
+    both = export.chosen().named
+    assert len(both) == 2
+    export.choose("kept one")
+    assert export.selection.currentText() == "Kept grain kept 2"
+    assert export.export_button.text() == "Export 1 kept grain"
+    ((name, avatar),) = export.chosen().named
+    assert name == both[1][0] != both[0][0]
+    np.testing.assert_array_equal(avatar.centers, both[1][1].centers)
+    # Another choice in the gallery is followed; without one all kept grains are offered again.
+    window.gallery.kept.choose("kept 1")
+    assert export.selection.currentText() == "Kept grain kept 1"
+    assert export.chosen().named[0][0] == both[0][0]
+    window.gallery.kept.setCurrentItem(None)
+    window.enter("export")
+    rest()
+    assert export.selection.currentText() == "Kept grains (2)"
+    assert export.selection.findData("kept one") == -1

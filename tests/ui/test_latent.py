@@ -9,7 +9,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QPointF, Qt
-from PySide6.QtGui import QDropEvent
+from PySide6.QtGui import QColor, QDropEvent
 from PySide6.QtTest import QTest
 
 from mbstudio.core.vae import latent as hand
@@ -387,3 +387,54 @@ def test_the_real_viewport_follows_the_slider(shaping, rest, qtbot):
     window.commands.run("edit.undo")
     rest()
     assert changed(before, window.viewport.picture()) < 0.001
+
+
+def test_the_panel_tells_of_meanings_on_the_way(window, rest, learner, meanings, monkeypatch, qtbot):
+    def endless(_, *, on_progress):
+        while True:
+            on_progress(0.5)
+
+    monkeypatch.setattr(Meanings, "of", endless)
+    window.enter("latent")
+    window.workspace.use_style(learner)
+    hint = window.panels_latent._learning
+    qtbot.waitUntil(lambda: window.latents.is_learning, timeout=PATIENCE)
+    assert hint.text() == "Learning what the latents mean …"
+    assert not window.panels_latent.meanings["size"].isEnabled()
+    qtbot.waitUntil(lambda: window.queue.running() is not None, timeout=PATIENCE)
+    assert window.commands.run("work.cancel")
+    rest()
+    assert "come back" in hint.text()
+    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    window.enter("scan")
+    window.enter("latent")
+    rest()
+    assert hint.isHidden()
+    assert window.panels_latent.meanings["size"].isEnabled()
+
+
+def test_arrow_keys_walk_on_the_map_by_a_tenth_of_the_spread(shaping, rest, learner, qtbot):
+    window, plot = shaping, shaping.studio.map
+    spread = window.latents.about.map.places(learner.latents).std(axis=0)
+    window.studio.open_page("Map")
+    window.activateWindow()
+    plot.setFocus()
+    qtbot.waitUntil(plot.hasFocus, timeout=5000)
+    assert plot.box.border.color().name() == QColor(window.theme.tokens.accent).name(), "the focus is shown"
+    begun = np.array(plot.here)
+    for key, way in ((Qt.Key.Key_Right, (1, 0)), (Qt.Key.Key_Up, (1, 1)), (Qt.Key.Key_Left, (0, 1))):
+        qtbot.keyClick(plot, key)
+        rest()
+        np.testing.assert_allclose(plot.here, begun + 0.1 * spread * way, atol=2e-4)
+    # A key held down is one step of undo.
+    before = window.latents.stance
+    for _ in range(3):
+        qtbot.keyPress(plot, Qt.Key.Key_Down)
+    qtbot.keyRelease(plot, Qt.Key.Key_Down)
+    rest()
+    np.testing.assert_allclose(plot.here, begun + 0.1 * spread * (0, -2), atol=4e-4)
+    assert window.commands.run("edit.undo")
+    rest()
+    assert window.latents.stance is before
+    plot.clearFocus()
+    assert plot.box.border.style() == Qt.PenStyle.NoPen

@@ -241,7 +241,7 @@ def _locked(
 
 def _required(meanings: Meanings | None) -> Meanings:
     if meanings is None:
-        raise StyleError("The meanings of this style-learner are still being learned: wait a few seconds.")
+        raise StyleError("The meanings of this style-learner are not there yet: wait a moment and try again.")
     return meanings
 
 

@@ -51,6 +51,7 @@ class ExportPanel(Panel):
         self._workspace = workspace
         self._clones: Generation | None = None
         self.kept: list[KeptGrain] = []
+        self._kept_name: str | None = None
         self._learner: StyleLearner | None = None
         self.target = QComboBox()
         for name, target in targets().items():
@@ -120,7 +121,7 @@ class ExportPanel(Panel):
         """Labels of the avatars that are to be written."""
         fits = self._workspace.state.fits
         kind = self.selection.currentData()
-        if kind in ("clones", "kept"):
+        if kind in ("clones", "kept", "kept one"):
             return []
         if kind == "chosen":
             chosen = self._workspace.selected
@@ -136,6 +137,9 @@ class ExportPanel(Panel):
         if kind == "kept" and self._learner is not None and self.kept:
             learner, kept = self._learner, self.kept
             return self._once(("kept", learner, *map(id, kept)), lambda: chosen_kept(learner, kept))
+        if kind == "kept one" and self._learner is not None:
+            one, by = self._one_kept(), self._learner
+            return self._once(("kept", by, *map(id, one)), lambda: chosen_kept(by, one))
         return chosen_fits(self._workspace.state.fits, self.labels())
 
     def _once(self, key: tuple[object, ...], make: Callable[[], ChosenAvatars]) -> ChosenAvatars:
@@ -154,8 +158,17 @@ class ExportPanel(Panel):
         self.kept, self._learner = list(kept), learner
         self.refresh()
 
+    def choose_kept(self, name: str | None) -> None:
+        """Offer one kept grain by itself: the one chosen in the gallery of station Latent."""
+        if name != self._kept_name:
+            self._kept_name = name
+            self.refresh()
+
+    def _one_kept(self) -> list[KeptGrain]:
+        return [grain for grain in self.kept if grain.name == self._kept_name]
+
     def choose(self, kind: str) -> None:
-        """Choose which avatars are written: 'valid', 'all', 'chosen', 'clones' or 'kept'."""
+        """Choose which avatars are written: 'valid', 'all', 'chosen', 'clones', 'kept' or 'kept one'."""
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
 
     @property
@@ -164,7 +177,9 @@ class ExportPanel(Panel):
         kind = self.selection.currentData()
         if kind == "clones":
             return 0 if self._clones is None else len(self._clones)
-        return len(self.kept) if kind == "kept" else len(self.labels())
+        if kind in ("kept", "kept one"):
+            return len(self.kept if kind == "kept" else self._one_kept())
+        return len(self.labels())
 
     def given(self) -> dict[str, Any]:
         """Return unit, density, overwrite, specimen and the target's options, as export wants them.
@@ -221,6 +236,10 @@ class ExportPanel(Panel):
             self.selection.addItem(f"Kept grains ({len(self.kept)})", "kept")
             if not fits and kind == "valid":
                 kind = "kept"
+        if self._one_kept():
+            self.selection.addItem(f"Kept grain {self._kept_name}", "kept one")
+        elif kind == "kept one":
+            kind = "kept" if self.kept else "valid"
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
         self.selection.blockSignals(False)
         self._selection_taken()
@@ -245,7 +264,8 @@ class ExportPanel(Panel):
         self._hint.setVisible(bool(text))
         self.export_button.setEnabled(self.is_ready)
         count = self.count
-        what = {"clones": "clone", "kept": "kept grain"}.get(self.selection.currentData(), "avatar")
+        kinds = {"clones": "clone", "kept": "kept grain", "kept one": "kept grain"}
+        what = kinds.get(self.selection.currentData(), "avatar")
         self.export_button.setText(f"Export {count} {what}{'s' if count != 1 else ''}" if count else "Export")
 
     def _target_changed(self) -> None:

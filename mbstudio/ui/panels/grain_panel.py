@@ -157,7 +157,7 @@ class GrainPanel(Panel):
         self._count.setText(f"{len(grains):,} grains")
         self._inside.setText(f"{inside:,} inside the scan, {len(grains) - inside:,} cut by its edge")
         diameters = np.cbrt(6 * grains.table["volume"].to_numpy(float) / np.pi)
-        self._histogram_name.setText(f"Nominal diameter D_n [{unit_label(grains.unit)}]")
+        self._histogram_name.setText(f"Nominal diameter Dₙ [{unit_label(grains.unit)}]")
         self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
         self.histogram.setVisible(len(grains) > 2)
 

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QHBoxLayout,
     QLabel,
-    QProgressBar,
     QPushButton,
     QSpinBox,
     QVBoxLayout,
@@ -32,6 +31,7 @@ _FIRST, _MORE = 8, 12
 """Sliders of components that are there at first, and that each “more” adds."""
 _MOST_NOISE = 1.0
 _BEYOND = 2.0
+_NOT_LEARNED = "The meanings are not learned: leave the station and come back to learn them."
 """Times as far as the parents reach go the sliders where that is allowed."""
 _WRITTEN = 1.0
 """Share of a slider's range by which a value written in its box may lie beyond it."""
@@ -94,10 +94,7 @@ class LatentPanel(Panel):
         self._inner.setSpacing(9)
         self._inner.addWidget(label("What it means", "heading"))
         self._learning = label("", "hint", wrap=True)
-        self._bar = QProgressBar()
-        self._bar.setTextVisible(False)
         self._inner.addWidget(self._learning)
-        self._inner.addWidget(self._bar)
         self.meanings: dict[str, ValueSlider] = {}
         for name in MEANINGS:
             held = ", ".join(TITLES[other].split(" ")[0].lower() for other in HELD[name])
@@ -294,13 +291,8 @@ class LatentPanel(Panel):
         for slider in self.meanings.values():
             slider.setEnabled(known is not None)
         self._learning.setVisible(work.learner is not None and known is None)
-        self._bar.setVisible(work.is_learning)
-        self._bar.setRange(0, 100)
-        self._bar.setValue(round(100 * work.progress))
-        if work.is_learning:
-            self._learning.setText("Learning what the latents mean … the variables below work already.")
-        else:
-            self._learning.setText("The meanings are not learned yet.")
+        # Half a second: the status bar has its progress.
+        self._learning.setText("Learning what the latents mean …" if work.is_learning else _NOT_LEARNED)
         if known is None:
             return
         for row, (name, slider) in enumerate(self.meanings.items()):

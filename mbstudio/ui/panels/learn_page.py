@@ -297,8 +297,8 @@ class LearnPage(QWidget):
             if np.isfinite(value)
         ]  # fmt: skip
         lines = [
-            f"n = {card.n} · {card.latents} latents · D_n {card.smallest:.3g} to {card.largest:.3g} {unit}",
-            (", ".join(errors) + " (RMS distance in % of D_n)") if errors else "",
+            f"n = {card.n} · {card.latents} latents · Dₙ {card.smallest:.3g} to {card.largest:.3g} {unit}",
+            (", ".join(errors) + " (RMS distance in % of Dₙ)") if errors else "",
             f"Steps {card.steps} · seed {card.seed}" if card.steps else f"Seed {card.seed}",
             *card.notes,
         ]

@@ -14,11 +14,11 @@ _ROWS = (
     ("volume", "V", 3, "Volume"),
     ("area", "A", 2, "Surface area"),
     ("sphericity", "Sphericity", 0, "π^(1/3) (6V)^(2/3) / A"),
-    ("circularity", "Circularity", 0, "π D_s / P_p, with P_p the perimeter of the maximum projection"),
+    ("circularity", "Circularity", 0, "π Dₛ / P_p, with P_p the perimeter of the maximum projection"),
     ("csf", "CSF", 0, "Corey shape factor L_s / √(L_i L_l)"),
-    ("dn", "D_n", 1, "Nominal diameter (6V/π)^(1/3)"),
-    ("ds", "D_s", 1, "Diameter of the circle with the maximum projected area A_p: √(4 A_p/π)"),
-    ("dns", "D_ns", 0, "D_n / D_s"),
+    ("dn", "Dₙ", 1, "Nominal diameter (6V/π)^(1/3)"),
+    ("ds", "Dₛ", 1, "Diameter of the circle with the maximum projected area A_p: √(4 A_p/π)"),
+    ("dns", "Dₙ/Dₛ", 0, "Nominal diameter over the diameter of the projected circle"),
 )
 _HEADS = ("Factor", "Grain", "Avatar", "Error")
 _INTERVAL_HEAD = "From–to"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from PySide6.QtCore import QByteArray, QMimeData, QSize, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QMimeData, QSize, Qt, Signal
 from PySide6.QtGui import (
     QDrag,
     QDragEnterEvent,
@@ -20,6 +20,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListView, QListWidget, QListWidgetItem
 from PySide6.QtWidgets import QVBoxLayout as Column
 
+from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.forms import label
 
 MIME = "application/x-mbstudio-grain"
@@ -62,6 +63,7 @@ class GrainStrip(QListWidget):
     def __init__(self, name: str, *, named_by_hand: bool = False) -> None:
         super().__init__()
         self._named_by_hand = named_by_hand
+        self._soon = Soon(self)
         triggers = QAbstractItemView.EditTrigger
         self.setEditTriggers(triggers.EditKeyPressed if named_by_hand else triggers.NoEditTriggers)
         self.itemChanged.connect(self._changed)
@@ -112,7 +114,7 @@ class GrainStrip(QListWidget):
         name = str(item.data(_NAME))
         if item.text() != name:
             # Not from within the editor, whose grain goes when the strip is filled anew.
-            QTimer.singleShot(0, self, partial(self.renamed.emit, name, item.text()))
+            self._soon.call(partial(self.renamed.emit, name, item.text()))
 
     def set_picture(self, name: str, picture: QPixmap) -> None:
         """Show a picture that was made meanwhile."""

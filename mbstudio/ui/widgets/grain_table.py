@@ -28,11 +28,11 @@ Index = QModelIndex | QPersistentModelIndex
 ROOMY, NARROW = 500, 430  # pixels that all columns need, and all but the volume
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
-COLUMNS = ("Grain", "Volume", "D_n", "Edge", "Avatar", "RMS distance", "Verdict")
+COLUMNS = ("Grain", "Volume", "Dₙ", "Edge", "Avatar", "RMS distance", "Verdict")
 _TIPS = (
     "Label of the grain in the label volume",
     "Volume V, by counting voxels",
-    "Nominal diameter D_n = (6V/π)^(1/3): that of the sphere of the same volume",
+    "Nominal diameter Dₙ = (6V/π)^(1/3): that of the sphere of the same volume",
     "Whether the edge of the scan cuts the grain, so that its true shape is unknown",
     "Number of control points of its avatar",
     "Root mean square distance between the surfaces of grain and avatar",

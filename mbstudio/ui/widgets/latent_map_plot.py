@@ -8,10 +8,18 @@ import numpy as np
 import pyqtgraph as pg
 from jaxtyping import Float
 from PySide6.QtCore import QPointF, Qt, Signal
-from PySide6.QtGui import QColor
+from PySide6.QtGui import QColor, QFocusEvent, QKeyEvent
 
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.plots import Plot
+
+STEP = 0.1  # of the parents' spread, for one press of an arrow key
+_ARROWS: dict[int, tuple[float, float]] = {
+    Qt.Key.Key_Left: (-1.0, 0.0),
+    Qt.Key.Key_Right: (1.0, 0.0),
+    Qt.Key.Key_Up: (0.0, 1.0),
+    Qt.Key.Key_Down: (0.0, -1.0),
+}
 
 
 class WalkBox(pg.ViewBox):
@@ -59,14 +67,17 @@ class LatentMapPlot(Plot):
         self._here, self._clones = pg.ScatterPlotItem(), pg.ScatterPlotItem()
         self._cloned: np.ndarray = np.empty((0, 2))
         self._letters: list[pg.TextItem] = []
+        self._walked: np.ndarray | None = None
         for z, item in ((10, self._parents), (15, self._clones), (20, self._kept), (30, self._here)):
             item.setZValue(z)
             item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
             self.addItem(item)
         self._places: tuple[np.ndarray, np.ndarray, np.ndarray] = (np.empty((0, 2)),) * 3
         self.setToolTip(
-            "Click to see the grain there, drag to walk. The wheel zooms, the middle button moves the map."
+            "Click to see the grain there, drag to walk; arrow keys walk by a tenth of the parents' spread."
+            " The wheel zooms, the middle button moves the map."
         )
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAspectLocked(True)
         for side in ("bottom", "left"):
             self.getAxis(side).enableAutoSIPrefix(False)
@@ -74,6 +85,42 @@ class LatentMapPlot(Plot):
             lambda place, final: self.walked.emit(np.array([place.x(), place.y()]), final)
         )
         self.repaint_theme()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        way = _ARROWS.get(event.key())
+        here, parents = self.here if self._walked is None else self._walked, self._places[0]
+        if way is None or here is None or not len(parents):
+            super().keyPressEvent(event)
+            return
+        event.accept()
+        # A key held down walks on, from where it has led and not from what is drawn by now.
+        self._walked = here + STEP * parents.std(axis=0) * np.array(way)
+        self.walked.emit(self._walked, False)
+
+    def keyReleaseEvent(self, event: QKeyEvent) -> None:
+        if event.key() in _ARROWS and self._walked is not None:
+            event.accept()
+            if not event.isAutoRepeat():
+                self._end_walk()
+        else:
+            super().keyReleaseEvent(event)
+
+    def _end_walk(self) -> None:
+        place, self._walked = self._walked, None
+        if place is not None:
+            self.walked.emit(place, True)
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        super().focusInEvent(event)
+        self._show_focus()
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        super().focusOutEvent(event)
+        self._end_walk()
+        self._show_focus()
+
+    def _show_focus(self) -> None:
+        self.box.setBorder(pg.mkPen(self._theme.tokens.accent, width=2) if self.hasFocus() else None)
 
     def set_parents(self, places: Float[np.ndarray, "parents 2"], share: tuple[float, float]) -> None:
         """Show the parents, and how much of their variance the map holds."""
@@ -139,5 +186,6 @@ class LatentMapPlot(Plot):
         self._here.setData(
             *here.T, size=14, pen=pg.mkPen(tokens.surface, width=2), brush=pg.mkBrush(tokens.accent)
         )
+        self._show_focus()
         for item in self._letters:
             item.setColor(QColor(tokens.text))

@@ -110,7 +110,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             ),
             (
                 "Hausdorff",
-                f"{_length(preview, 'hausdorff_length')} ({100 * figures['hausdorff']:.2f} % of D_n)",
+                f"{_length(preview, 'hausdorff_length')} ({100 * figures['hausdorff']:.2f} % of Dₙ)",
                 "Largest distance of both surfaces",
             ),
             (

@@ -23,7 +23,7 @@ _AIMS = (
 _TIPS = {
     "": "Every grain gets this many spheres",
     "iou": "Volume that clump and avatar share over the volume of both together; as few spheres as will do",
-    "hausdorff": "Largest distance of both surfaces over D_n; as few spheres as will do",
+    "hausdorff": "Largest distance of both surfaces over Dₙ; as few spheres as will do",
     "volume": "Error of the clump's volume; as few spheres as will do",
     "inertia": "Error of the clump's inertia tensor; as few spheres as will do",
 }

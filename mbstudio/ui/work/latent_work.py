@@ -79,7 +79,6 @@ class LatentWork(Work):
         self.locked_meanings: set[str] = set()
         self.locked_components: set[int] = set()
         self.is_held = self.is_beyond = False
-        self.progress = 0.0
         self._digest = ""
         self._learning: Task | None = None
         self.live = LatestOnly("live grain", self)
@@ -110,7 +109,7 @@ class LatentWork(Work):
         self.locked_meanings.clear()
         self.locked_components.clear()
         self.history.begin(None)
-        self.is_held, self.is_beyond, self.progress, self._digest = False, False, 0.0, ""
+        self.is_held, self.is_beyond, self._digest = False, False, ""
         if self._learning is not None:
             self._learning.cancel()
             self._learning = None
@@ -148,7 +147,6 @@ class LatentWork(Work):
 
         task = Task("Learning what the latents mean", work)
         task.succeeded.connect(lambda found: self._take_meanings(learner, found))
-        task.reported.connect(self._progressed)
         task.ended.connect(lambda: self._learning_ended(task))
         self._learning = task
         self.queue.submit(task)
@@ -158,10 +156,6 @@ class LatentWork(Work):
     def is_learning(self) -> bool:
         """Whether the meanings are being learned."""
         return self._learning is not None
-
-    def _progressed(self, report: Any) -> None:
-        self.progress = max(0.0, report.fraction)
-        self.meanings_changed.emit()
 
     def _take_meanings(self, learner: StyleLearner, found: Meanings) -> None:
         if learner is self.learner:

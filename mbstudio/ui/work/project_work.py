@@ -33,7 +33,7 @@ class ProjectWork(Work):
         task.succeeded.connect(lambda project: self._take(project, path))
         return self.queue.submit(task)
 
-    def save(self, path: Path, after: Callable[[], None] | None = None) -> Task:
+    def save(self, path: Path, after: Callable[[], object] | None = None) -> Task:
         """Write the project to `path`; `after` is called once it is written."""
         project = self.workspace.project
         task = Task(f"Saving {path.name}", lambda control: project.save(path))

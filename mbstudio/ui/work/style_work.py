@@ -280,7 +280,7 @@ class StyleWork(Work):
         notes = [*told, *[step.note for step in self.records if step.note]]
         error = ""
         if np.isfinite(card.held_out_rms):
-            error = f" Parents not seen are reproduced to {percent(card.held_out_rms)} of D_n."
+            error = f" Parents not seen are reproduced to {percent(card.held_out_rms)} of Dₙ."
         self.said.emit(
             "warning" if notes else "success",
             " ".join((f"The style of {card.count} parents is learned.{error}", *notes)),
