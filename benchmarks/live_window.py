@@ -81,6 +81,12 @@ class Hand:
         if asked is not None:
             self._shown = asked
 
+    def forget(self) -> None:
+        """Begin anew; a value that is met again counts from then."""
+        self._asked.clear()
+        for notes in (self.late, self.frames, self.beats):
+            notes.clear()
+
     def _mouse(self, kind: QEvent.Type, share: float, held: Qt.MouseButton) -> None:
         place = QPointF(7 + share * (self._slider.width() - 14), self._slider.height() / 2)
         button = Qt.MouseButton.NoButton if kind == QEvent.Type.MouseMove else Qt.MouseButton.LeftButton
@@ -178,8 +184,7 @@ def measure(learner: StyleLearner, seconds: float, name: str) -> list[tuple[str,
         empty = renders(window)
         hand = Hand(window, name)
         hand.drag(1.0)  # what is compiled and loaded at the first time
-        for notes in (hand.late, hand.frames, hand.beats):
-            notes.clear()
+        hand.forget()
         wait(lambda: window.latents.live.is_idle and window.queue.is_idle)
         watch = Watch()
         spent = hand.drag(seconds)

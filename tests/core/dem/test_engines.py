@@ -41,7 +41,7 @@ def test_modules_are_asked_of_the_interpreter_that_the_variable_names(nowhere):
     python = program(
         nowhere / "engines",
         "python",
-        f'#!/bin/sh\nPYTHONPATH={nowhere / "site"} exec {sys.executable} "$@"\n',
+        f'#!/bin/sh\nPYTHONPATH={nowhere / "site"} exec {sys.executable} -S "$@"\n',
     )
     engines.has_module.cache_clear()
     (nowhere / "site" / "peclet" / "dem").mkdir(parents=True)
