@@ -168,6 +168,13 @@ class Task(QObject):
         self.is_paused = False
         self._control._may_run.set()
 
+    def pause_or_resume(self) -> None:
+        """Pause, or go on if it is paused."""
+        if self.is_paused:
+            self.resume()
+        else:
+            self.pause()
+
     def cancel(self) -> None:
         """Give up at the next step or report of progress."""
         self._control._cancelled.set()

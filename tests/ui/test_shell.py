@@ -277,6 +277,19 @@ def test_work_that_is_not_wanted_is_removed(window, idle, two_grains):
     assert not window.commands.action("project.restore").isEnabled()
 
 
+def test_work_that_cannot_be_read_is_not_offered_but_stays(window, idle, two_grains):
+    left = Autosave.begin(autosave_folder())
+    left.write(ProjectState(grains=two_grains))
+    left.release()
+    (left.folder / "note.json").write_text("{}")
+    window.shell.begin()
+    idle()
+    assert not window.shell.autosaves.leftovers
+    assert list(left.folder.glob("grains-*.mbs"))
+    (found,) = Autosave.left_behind(autosave_folder())
+    found.release()
+
+
 def test_a_saved_project_and_a_clean_end_leave_nothing(with_grains, idle, tmp_path, another_window):
     window = with_grains
     window.workspace.change("Work", fit_settings=replace(window.workspace.state.fit_settings, n=77))

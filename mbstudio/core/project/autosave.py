@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
@@ -191,14 +192,7 @@ class Autosave:
         ProjectError
             If the note is damaged.
         """
-        told = self._read_note()
-        return AutosaveNote(
-            path=Path(told["path"]) if told["path"] else None,
-            saved=datetime.fromisoformat(told["saved"]),
-            grains=told["grains"],
-            fits=told["fits"],
-            clones=told["clones"],
-        )
+        return self._read_note()[0]
 
     def restore(self) -> Project:
         """Return the project as it was written last: unsaved, with the path of its file.
@@ -208,25 +202,38 @@ class Autosave:
         ProjectError
             If it is damaged.
         """
-        told = self._read_note()
+        note, parts = self._read_note()
         state, scan = ProjectState(), None
-        for name, fields in PARTS.items():
-            part = read_project(self.folder / told["parts"][name])
-            state = replace(state, **{field: getattr(part, field) for field in fields})
+        for name, file in parts.items():  # a note of an earlier version names fewer
+            part = read_project(self.folder / file)
+            state = replace(state, **{field: getattr(part, field) for field in PARTS[name]})
         reference = state.scan
         if reference is not None and reference.embedded:
-            voxels = read_embedded_voxels(self.folder / told["parts"]["grains"])
+            voxels = read_embedded_voxels(self.folder / parts["grains"])
             scan = Scan(voxels, reference.voxel_size, reference.origin, reference.path)
-        self._written, self._parts = state, dict(told["parts"])
         # Names of parts written from now on must not meet those that are there.
-        self._count = max(int(file.rpartition("-")[2].partition(".")[0]) for file in told["parts"].values())
-        return Project.recovered(state, Path(told["path"]) if told["path"] else None, scan)
+        self._count = max(int(file.rpartition("-")[2].partition(".")[0]) for file in parts.values())
+        # A part that is not there is not written yet: the next write makes it.
+        complete = parts.keys() == PARTS.keys()
+        self._written, self._parts = (state, parts) if complete else (None, {})
+        return Project.recovered(state, note.path, scan)
 
-    def _read_note(self) -> dict[str, Any]:
+    def _read_note(self) -> tuple[AutosaveNote, dict[str, str]]:
+        """Return what it holds, and the file of each part."""
         try:
-            return json.loads((self.folder / _NOTE).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise ProjectError(f"The autosaved work in {self.folder} cannot be read ({error}).") from error
+            told = json.loads((self.folder / _NOTE).read_text(encoding="utf-8"))
+            note = AutosaveNote(
+                path=Path(told["path"]) if told["path"] else None,
+                saved=datetime.fromisoformat(told["saved"]),
+                **{name: int(told[name]) for name in ("grains", "fits", "clones")},
+            )
+            parts = {name: told["parts"][name] for name in PARTS if name in told["parts"]}
+            if not all(re.fullmatch(rf"{name}-\d+\.mbs", file) for name, file in parts.items()) or not parts:
+                raise ValueError("it names files that are no parts of a project")
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+            raise ProjectError(f"The autosaved work in {self.folder} cannot be read ({reason}).") from error
+        return note, parts
 
 
 def _lock_path(folder: Path) -> Path:

@@ -96,10 +96,7 @@ class TaskStrip(QWidget):
     def _toggle_pause(self) -> None:
         task = self._queue.running()
         if task is not None:
-            if task.is_paused:
-                task.resume()
-            else:
-                task.pause()
+            task.pause_or_resume()
             self._queue.changed.emit()
 
     def _cancel_task(self) -> None:

@@ -162,7 +162,7 @@ class AutosaveWork(Work):
                 autosave.note  # noqa: B018
             except MbstudioError as error:
                 # What can be read of it may still be worth something to a person: it stays.
-                log.warning("%s", error)
+                log.warning("%s", str(error))  # the error itself holds the window through its traceback
                 autosave.release()
             else:
                 self.leftovers.append(autosave)

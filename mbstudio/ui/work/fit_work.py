@@ -172,10 +172,7 @@ class FitWork(Work):
     def pause(self) -> None:
         """Pause the fit, or go on if it is paused."""
         if self._task is not None and not self._task.is_over:
-            if self._task.is_paused:
-                self._task.resume()
-            else:
-                self._task.pause()
+            self._task.pause_or_resume()
             self.changed.emit()
             self.queue.changed.emit()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -133,9 +134,55 @@ def test_damage_is_told(root):
     part.write_bytes(part.read_bytes()[:100])
     with pytest.raises(ProjectError, match="damaged"):
         saved.restore()
-    (saved.folder / "note.json").write_text("{")
-    with pytest.raises(ProjectError, match="cannot be read"):
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"parts": None},
+        {"parts": {}},
+        {"parts": {"grains": "../../elsewhere.mbs"}},
+        {"saved": "yesterday"},
+        {"grains": None},
+        {"path": 5},
+    ],
+    ids=str,
+)
+def test_a_damaged_note_is_told(root, change):
+    saved = Autosave.begin(root)
+    saved.write(ProjectState())
+    note = saved.folder / "note.json"
+    told = json.loads(note.read_text())
+    for damage in (json.dumps(told | change), json.dumps({**told, **change})[:-30], "[]", "{"):
+        note.write_text(damage)
+        for read in (lambda: saved.note, saved.restore):
+            with pytest.raises(ProjectError, match="cannot be read"):
+                read()
+
+
+@pytest.mark.parametrize("key", ["path", "saved", "grains", "parts"])
+def test_a_note_that_lacks_something_is_told(root, key):
+    saved = Autosave.begin(root)
+    saved.write(ProjectState())
+    note = saved.folder / "note.json"
+    told = json.loads(note.read_text())
+    del told[key]
+    note.write_text(json.dumps(told))
+    with pytest.raises(ProjectError, match=f"'{key}' is missing"):
         saved.note
+
+
+def test_work_of_a_version_that_wrote_fewer_parts_comes_back_and_is_completed(root, state):
+    saved = Autosave.begin(root)
+    saved.write(state)
+    note = saved.folder / "note.json"
+    told = json.loads(note.read_text())
+    (saved.folder / told["parts"].pop("kept")).unlink()
+    note.write_text(json.dumps(told))
+    assert_same(replace(state, kept=()), saved.restore().state)
+    saved.write(replace(state, fit_settings=FitSettings(n=9)))
+    assert json.loads(note.read_text())["parts"].keys() == autosave.PARTS.keys()
+    assert saved.restore().state.fit_settings.n == 9
 
 
 def test_a_failed_write_leaves_the_one_before(root, state, monkeypatch):
