@@ -24,6 +24,8 @@ SHAPE = (400, 358, 358)
 
 START = """
 import json, resource, sys, time
+from mbstudio.ui.collection import pause_collection
+pause_collection()  # as the command line does
 from pathlib import Path
 from PySide6.QtCore import QTimer
 from mbstudio.ui import app

@@ -27,6 +27,9 @@ def gui(
         raise MbstudioError(f"{source} is not there: check the name and the folder.")
     if not has_display() and not os.environ.get("QT_QPA_PLATFORM"):
         raise MbstudioError("There is no display for a window: use 'mbstudio tour', or go to a desktop.")
+    from mbstudio.ui.collection import pause_collection
+
+    pause_collection()
     from mbstudio.ui.app import run
 
     is_project = source is not None and inputs.is_project(source)

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import QApplication
 
 from mbstudio import __version__
 from mbstudio.core.errors import MbstudioError
+from mbstudio.ui.collection import pause_collection, resume_collection
 from mbstudio.ui.icons import application_icon
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.message_bar import Level
@@ -64,6 +65,7 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
     int
         Exit code.
     """
+    pause_collection()
     _log_to_file()
     application = make_application()
     settings = make_settings()
@@ -84,12 +86,15 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
         elif sample:
             window.files.open_sample()
         window.shell.begin()
+        # Once the window is painted and answers.
+        QTimer.singleShot(0, resume_collection)
 
     QTimer.singleShot(0, begin)
     try:
         return application.exec()
     finally:
         sys.excepthook = before
+        resume_collection()
 
 
 def _message_of(say: Callable[[Level, str], None], before: Hook) -> Hook:
