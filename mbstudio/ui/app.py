@@ -19,6 +19,7 @@ from mbstudio import __version__
 from mbstudio.core.errors import MbstudioError
 from mbstudio.ui.collection import pause_collection, resume_collection
 from mbstudio.ui.icons import application_icon
+from mbstudio.ui.language import install_translation
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.message_bar import Level
 
@@ -68,6 +69,7 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
     pause_collection()
     _log_to_file()
     application = make_application()
+    install_translation(application)
     settings = make_settings()
     theme = Theme(settings)
 

@@ -1,0 +1,51 @@
+"""The words of the window in the person's language.
+
+Every text that a person reads passes `tr`. A translation is a file ``translations/mbstudio_<language>.qm``
+beside this module, made with Qt's own tools; docs/translating.md says how.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication, QLocale, QTranslator
+
+FOLDER = Path(__file__).parent / "translations"
+
+
+def tr(text: str, **values: object) -> str:
+    """Return a text in the person's language, with values filled in.
+
+    Parameters
+    ----------
+    text : str
+        In English, written out where `tr` is called: Qt's ``lupdate`` collects it from there.
+    **values
+        For the ``{name}`` fields in it, which may carry formats (``{error:+.2f}``).
+
+    Returns
+    -------
+    str
+    """
+    translated = QCoreApplication.translate("", text)
+    return translated.format(**values) if values else translated
+
+
+def mark(text: str) -> str:
+    """Return a text as it is; ``lupdate`` collects it for a later `tr` of the name it is given."""
+    return text
+
+
+def install_translation(application: QCoreApplication, locale: QLocale | None = None) -> bool:
+    """Let `tr` speak a language from now on; return whether there is a translation.
+
+    Parameters
+    ----------
+    application : QCoreApplication
+    locale : QLocale, optional
+        The system's by default.
+    """
+    translator = QTranslator(application)
+    if not translator.load(locale or QLocale.system(), "mbstudio", "_", str(FOLDER)):
+        return False
+    return application.installTranslator(translator)
