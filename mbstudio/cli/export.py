@@ -48,6 +48,14 @@ def export(
         ),
     ] = "valid",
     spheres: Annotated[int | None, typer.Option("--spheres", help="Spheres of each clump.")] = None,
+    error: Annotated[
+        float | None,
+        typer.Option(
+            "--error",
+            metavar="PERCENT",
+            help="Largest distance of a mesh and its avatar in % of D_n; as few triangles as stay within it.",
+        ),
+    ] = None,
     clump_target: Annotated[
         str | None,
         typer.Option(
@@ -100,6 +108,8 @@ def export(
     plan = _plan(specimen, curve, seed, share or [], box_width)
     if spheres is not None:
         options["spheres"] = spheres
+    if error is not None:
+        options["error"] = error
     if clump_target is not None:
         if spheres is not None:
             raise ExportError("--spheres and --clump-target exclude each other: give one of them.")

@@ -288,6 +288,24 @@ def test_export_of_clumps_that_reach_a_target(mbstudio, fitted_project, tmp_path
     assert "exclude each other" in ran.err
 
 
+def test_export_of_meshes_within_an_error(mbstudio, fitted_project, tmp_path):
+    label = str(min(Project.open(fitted_project).fits))
+    triangles = {}
+    for error in (0.4, 4):
+        folder = tmp_path / str(error)
+        ran = mbstudio(
+            "export", fitted_project, "--to", "obj", "-o", folder, "--select", label, "--error", error
+        )
+        assert ran.code == 0
+        (item,) = json.loads((folder / "manifest.json").read_text())["items"]
+        assert item["details"]["hausdorff_over_Dn"] <= error / 100
+        triangles[error] = item["details"]["triangles"]
+    assert triangles[0.4] > triangles[4]
+    ran = mbstudio("export", fitted_project, "--to", "pfc", "-o", tmp_path / "no", "--error", 1)
+    assert ran.code != 0
+    assert "no option 'error'" in ran.err
+
+
 def test_export_of_named_avatars_with_options(mbstudio, fitted_project, tmp_path):
     labels = sorted(Project.open(fitted_project).fits)[:2]
     ran = mbstudio(

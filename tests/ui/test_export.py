@@ -62,6 +62,16 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
     assert float(card.texts["IoU"]) < 0.99
     assert (window.viewport.picture() != before).any(axis=2).mean() > 0.01
 
+    choose_target(window, "stl")
+    window.settle()
+    fields = window.panels_export.options.fields
+    assert fields["cells"].isEnabled()
+    assert fields["error"].text() == "any: by cells"
+    fields["error"].setValue(1.0)
+    window.settle()
+    assert not fields["cells"].isEnabled()
+    assert float(card.texts["Hausdorff"].split("(")[1].split()[0]) <= 1.0
+
     card.switch.setChecked(False)
     window.settle()
     assert card.texts == {}

@@ -22,7 +22,7 @@ import numpy as np
 
 from mbstudio.core.dem.clump_files import POURED
 from mbstudio.core.dem.mechsys_deck import DECK_NAME, check_deck, settling_deck
-from mbstudio.core.dem.meshes import check_mesh, write_meshes
+from mbstudio.core.dem.meshes import ERROR, check_mesh, write_meshes
 from mbstudio.core.dem.reading_back import read_text
 from mbstudio.core.dem.target import Job, Option, Target, Written
 from mbstudio.core.errors import ExportError
@@ -97,6 +97,7 @@ TARGET = Target(
     options=MappingProxyType(
         {
             "cells": Option(10, "edges along the longest side of each grain: MechSys wants few", 6, 60),
+            "error": ERROR,
             "poured": POURED,
         }
     ),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstudio.core.dem.remesh import angles_of, well_shaped_mesh
+from mbstudio.core.dem.mesh_target import FEWEST_CELLS, MOST_CELLS, mesh_of
+from mbstudio.core.dem.remesh import angles_of
 from mbstudio.core.dem.shape_checks import MESH_SCRIPT, check_script, write_script
 from mbstudio.core.dem.target import Job, Option, Written
 from mbstudio.core.errors import ExportError
@@ -18,8 +19,23 @@ from mbstudio.core.metrics.mass import volume_integrals
 if TYPE_CHECKING:
     import trimesh
 
+ERROR = Option(
+    0.0,
+    "largest distance of mesh and avatar in % of D_n: as few cells as stay within it, up to "
+    f"{MOST_CELLS}; 0: as many as 'cells' says",
+    0.0,
+    20.0,
+)
 OPTIONS = MappingProxyType(
-    {"cells": Option(32, "edges along the longest side of each grain: more give a finer mesh", 8, 200)}
+    {
+        "cells": Option(
+            32,
+            "edges along the longest side of each grain: more give a finer mesh",
+            FEWEST_CELLS,
+            MOST_CELLS,
+        ),
+        "error": ERROR,
+    }
 )
 ACCEPTED_ANGLE = 1.0
 """Engines refuse slivers; LIGGGHTS draws the line at 0.256 degrees."""
@@ -30,11 +46,13 @@ def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Pa
     files, details = [], []
     for index, body in enumerate(job.bodies):
         job.progress(index / len(job.bodies), f"Meshing {body.name}")
-        mesh = well_shaped_mesh(body.avatar, int(job.options["cells"]), body.mass.volume)
+        made = mesh_of(body, int(job.options["cells"]), job.options["error"] / 100)
         name = f"{body.name}.{suffix}"
-        write_one(mesh, job.folder / name)
+        write_one(made.mesh, job.folder / name)
         files.append((name,))
-        details.append(describe_mesh(mesh))
+        details.append({**describe_mesh(made.mesh), "cells": made.cells, "hausdorff_over_Dn": made.error})
+        if made.warning:
+            details[-1]["warnings"] = [f"{body.name}: {made.warning}"]
     return Written(files, details)
 
 

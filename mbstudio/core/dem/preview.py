@@ -13,9 +13,10 @@ from mbstudio.core.dem.clump import Clump, sphere_clump
 from mbstudio.core.dem.clump_files import CLUMP_TARGET
 from mbstudio.core.dem.clump_target import clump_for_target
 from mbstudio.core.dem.level_set import LevelSet, level_set
+from mbstudio.core.dem.mesh_target import BodyMesh, mesh_of
 from mbstudio.core.dem.meshes import describe_mesh
-from mbstudio.core.dem.remesh import well_shaped_mesh
 from mbstudio.core.dem.target import Geometry, Progress, complete_options, find_target
+from mbstudio.core.metrics.factors import nominal_diameter
 
 if TYPE_CHECKING:
     import trimesh
@@ -35,15 +36,15 @@ class ExportPreview:
 
         - clump: spheres, iou, volume_error, inertia_error, hausdorff (over D_n), hausdorff_length,
           smallest_radius_length;
-        - mesh: triangles, smallest_angle (degrees), watertight (0 or 1), euler_number, mean_edge_length,
-          longest_edge_length, volume_error;
+        - mesh: cells, triangles, smallest_angle (degrees), watertight (0 or 1), euler_number,
+          mean_edge_length, longest_edge_length, volume_error, hausdorff (over D_n), hausdorff_length;
         - grid: nodes, spacing_length, volume_error;
         - metaball: control_points.
     clump : Clump or None
     mesh : trimesh.Trimesh or None
         Of a mesh; of a grid its zero.
     warning : str
-        That a clump misses its target; else empty.
+        That a clump misses its target, or a mesh the error asked for; else empty.
     """
 
     geometry: Geometry
@@ -78,8 +79,8 @@ def preview(
     if chosen.geometry == "clump":
         return _clump(body, given, progress)
     if chosen.geometry == "mesh":
-        mesh = well_shaped_mesh(body.avatar, int(given["cells"]), body.mass.volume)
-        return ExportPreview("mesh", body, _mesh_figures(mesh, body), mesh=mesh)
+        made = mesh_of(body, int(given["cells"]), given["error"] / 100)
+        return ExportPreview("mesh", body, _mesh_figures(made, body), mesh=made.mesh, warning=made.warning)
     if chosen.geometry == "grid":
         grid = level_set(body.avatar, int(given["cells"]), int(given["padding"]))
         figures = {
@@ -98,7 +99,7 @@ def _clump(body: DemBody, given: Mapping[str, Any], progress: Progress | None) -
         clump, warning = found.clump, found.warning
     else:
         clump = sphere_clump(body.avatar, int(given["spheres"]))
-    diameter = (6 * body.mass.volume / np.pi) ** (1 / 3)
+    diameter = nominal_diameter(body.mass.volume)
     figures = {
         "spheres": float(len(clump.radii)),
         "iou": clump.iou,
@@ -111,9 +112,10 @@ def _clump(body: DemBody, given: Mapping[str, Any], progress: Progress | None) -
     return ExportPreview("clump", body, figures, clump=clump, warning=warning)
 
 
-def _mesh_figures(mesh: trimesh.Trimesh, body: DemBody) -> dict[str, float]:
-    said = describe_mesh(mesh)
+def _mesh_figures(made: BodyMesh, body: DemBody) -> dict[str, float]:
+    mesh, said = made.mesh, describe_mesh(made.mesh)
     return {
+        "cells": float(made.cells),
         "triangles": float(said["triangles"]),
         "smallest_angle": said["smallest_angle_degrees"],
         "watertight": float(mesh.is_watertight and mesh.is_winding_consistent),
@@ -121,6 +123,8 @@ def _mesh_figures(mesh: trimesh.Trimesh, body: DemBody) -> dict[str, float]:
         "mean_edge_length": said["mean_edge"],
         "longest_edge_length": said["longest_edge"],
         "volume_error": said["volume"] / body.mass.volume - 1,
+        "hausdorff": made.error,
+        "hausdorff_length": made.error * nominal_diameter(body.mass.volume),
     }
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from mbstudio.core.metrics.surface_distance import closest_on_triangles
+
 _NEAR_TRIANGLES = 8
 _CHUNK = 4_000
 
@@ -82,7 +84,6 @@ def signed_distances(
     where the normal of one face cannot (Bærentzen and Aanæs 2005).
     """
     from scipy.spatial import cKDTree
-    from trimesh.triangles import closest_point
 
     vertices, faces = np.asarray(surface[0], dtype=float), np.asarray(surface[1])
     corners = vertices[faces]
@@ -94,7 +95,7 @@ def signed_distances(
         asked = points[start : start + _CHUNK]
         _, nearest = middles.query(asked, k=near)
         nearest = nearest.reshape(len(asked), near)
-        reached = closest_point(corners[nearest.ravel()], np.repeat(asked, near, axis=0))
+        reached = closest_on_triangles(corners[nearest.ravel()], np.repeat(asked, near, axis=0))
         reached = reached.reshape(len(asked), near, 3)
         away = asked[:, None] - reached
         best = np.argmin((away**2).sum(axis=2), axis=1)

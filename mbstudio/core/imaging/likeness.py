@@ -7,22 +7,18 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.preprocess import Cavities
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.field import field_on_grid
+from mbstudio.core.metrics.surface_distance import VerticesFaces, hausdorff_distance
 
 if TYPE_CHECKING:
     from mbstudio.core.metrics import ShapeFactors
 
-VerticesFaces = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
-
 _MOST_NODES = 30_000_000
 _MESH_CELLS = 96
-_NEAR_TRIANGLES = 16
-_CHUNK = 4_000
 
 
 class Likeness:
@@ -132,42 +128,3 @@ def voxel_iou(avatar: Avatar, grain: Grain, most_nodes: int = _MOST_NODES) -> fl
     mask[np.ix_(*within)] = np.asarray(grain.mask)[taken] > 0
     union = int(np.count_nonzero(inside | mask))
     return int(np.count_nonzero(inside & mask)) / union if union else 0.0
-
-
-def hausdorff_distance(first: VerticesFaces, second: VerticesFaces) -> float:
-    """Return the farthest that a vertex of either surface lies from the other surface.
-
-    Parameters
-    ----------
-    first, second : tuple of vertices, shape (v, 3), and faces, shape (f, 3)
-        In one unit, of triangles small against the bodies: between its vertices a surface is not asked.
-    """
-    return max(_farthest(first[0], second), _farthest(second[0], first))
-
-
-def _farthest(points: Float[np.ndarray, "m 3"], surface: VerticesFaces) -> float:
-    """Return the largest distance of points to a surface.
-
-    The distance to the nearest vertex is never less than that to the surface: points are taken in falling
-    order of it, until none that is left can lie farther than the farthest found.
-    """
-    from scipy.spatial import cKDTree
-    from trimesh.triangles import closest_point
-
-    vertices, faces = surface
-    at_most, _ = cKDTree(vertices).query(points)
-    triangles = vertices[faces]
-    middles = cKDTree(triangles.mean(axis=1))
-    near = min(_NEAR_TRIANGLES, len(faces))
-    order, found = np.argsort(-at_most), 0.0
-    for start in range(0, len(order), _CHUNK):
-        chosen = order[start : start + _CHUNK]
-        if at_most[chosen[0]] <= found:
-            break
-        _, nearest = middles.query(points[chosen], k=near)
-        nearest = nearest.reshape(len(chosen), near)
-        asked = np.repeat(points[chosen], near, axis=0)
-        reached = closest_point(triangles[nearest.ravel()], asked)
-        distances = np.linalg.norm(asked - reached, axis=1).reshape(len(chosen), near).min(axis=1)
-        found = max(found, float(np.minimum(distances, at_most[chosen]).max()))
-    return found

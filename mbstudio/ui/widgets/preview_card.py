@@ -108,11 +108,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
                 _percent(figures["inertia_error"]),
                 "Of the union of spheres; decks that state a mass carry the avatar's own inertia",
             ),
-            (
-                "Hausdorff",
-                f"{_length(preview, 'hausdorff_length')} ({100 * figures['hausdorff']:.2f} % of Dₙ)",
-                "Largest distance of both surfaces",
-            ),
+            _hausdorff(preview),
             (
                 "Smallest radius",
                 _length(preview, "smallest_radius_length"),
@@ -122,7 +118,11 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
     if preview.geometry == "mesh":
         genus = round((2 - figures["euler_number"]) / 2)
         return [
-            ("Triangles", f"{figures['triangles']:.0f}", "Of this mesh"),
+            (
+                "Triangles",
+                f"{figures['triangles']:.0f} ({figures['cells']:.0f} cells across)",
+                "Of this mesh; cells: edges along the longest side",
+            ),
             ("Smallest angle", f"{figures['smallest_angle']:.1f}°", "Engines refuse slivers"),
             ("Watertight", "yes" if figures["watertight"] else "no", "Closed and oriented outwards"),
             ("Holes through it", f"{genus}", "Genus of the surface"),
@@ -132,6 +132,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
                 "Mean and longest edge",
             ),
             ("Volume error", _percent(figures["volume_error"]), "Of the flat triangles"),
+            _hausdorff(preview),
         ]
     if preview.geometry == "grid":
         return [
@@ -140,6 +141,11 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             ("Volume error", _percent(figures["volume_error"]), "Of the zero of the distances"),
         ]
     return [("Control points", f"{figures['control_points']:.0f}", "The avatar goes across as it is")]
+
+
+def _hausdorff(preview: ExportPreview) -> tuple[str, str, str]:
+    length, share = _length(preview, "hausdorff_length"), _percent(preview.figures["hausdorff"])
+    return "Hausdorff", f"{length} ({share} of Dₙ)", "Largest distance of both surfaces"
 
 
 def _percent(share: float) -> str:

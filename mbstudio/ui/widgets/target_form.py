@@ -32,6 +32,7 @@ _TITLES = {
     "classes": "Sizes in a specimen",
     "ntry": "Monte Carlo points",
     "cells": "Cells across",
+    "error": "Error at most",
     "padding": "Cells around",
     "shell": "Contact mesh, cells",
     "nodes": "Surface nodes",
@@ -155,6 +156,13 @@ class TargetForm(QWidget):
                 _when_changed(field, self.changed)
                 self.fields[name] = field
                 self._layout.addWidget(row(_TITLES.get(name, name.capitalize()), field, option.meaning))
+        cells, error = self.fields.get("cells"), self.fields.get("error")
+        if isinstance(error, QDoubleSpinBox) and cells is not None:
+            error.setDecimals(2)
+            error.setSingleStep(0.1)
+            error.setSuffix(" % of Dₙ")
+            error.setSpecialValueText("any: by cells")
+            error.valueChanged.connect(lambda value: cells.setEnabled(value == 0))
         self.setVisible(bool(target.options))
 
     @property

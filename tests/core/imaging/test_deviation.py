@@ -36,6 +36,13 @@ def test_a_shifted_sphere_stands_out_on_one_side_and_back_on_the_other():
     assert found.rms == pytest.approx(np.sqrt(1 / 3), rel=0.02)
 
 
+def test_grains_in_metres_deviate_as_they_do_in_millimetres():
+    first, second = ball(1.0, 4), ball(1.2, 4)
+    expected = deviation(second, first, "mm")
+    found = deviation((1e-3 * second[0], second[1]), (1e-3 * first[0], first[1]), "m")
+    np.testing.assert_allclose(1e3 * found.distances, expected.distances, rtol=1e-9)
+
+
 def test_sides_are_told_apart_at_corners_and_edges():
     box = trimesh.creation.box((2.0, 2.0, 2.0)).subdivide().subdivide().subdivide()
     points = np.array([[1.2, 1.2, 1.2], [0.9, 0.9, 0.9], [1.3, 1.4, 0.0], [0.0, 0.0, 0.7], [-2.0, 0.0, 0.0]])

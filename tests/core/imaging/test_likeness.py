@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging.likeness import Likeness, hausdorff_distance, voxel_iou
+from mbstudio.core.imaging.likeness import Likeness, voxel_iou
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import CENTER, ellipsoid, grain_where
@@ -61,44 +60,6 @@ def test_a_box_in_a_ball_counted_by_hand() -> None:
 
 def test_what_does_not_touch_shares_nothing(grain: Grain) -> None:
     assert voxel_iou(ball(3.0, np.array([100.0, 0, 0])), grain) == 0.0
-
-
-def surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
-
-
-def sphere(radius: float, centre: tuple[float, float, float] = (0, 0, 0)) -> trimesh.Trimesh:
-    mesh = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    mesh.apply_translation(centre)
-    return mesh
-
-
-@pytest.mark.parametrize(
-    ("other", "distance"),
-    [
-        (sphere(2.0), 1.0),
-        (sphere(3.0, (0.0, 0.4, 0.3)), 0.5),
-        # A small ball far away: only those of its points that lie farthest count.
-        (trimesh.util.concatenate([sphere(3.0), sphere(0.5, (10.0, 0, 0))]), 7.5),
-    ],
-)
-def test_hausdorff_distance_of_balls(other: trimesh.Trimesh, distance: float) -> None:
-    one, two = surface(sphere(3.0)), surface(other)
-    assert hausdorff_distance(one, two) == pytest.approx(distance, abs=0.003)
-    assert hausdorff_distance(two, one) == pytest.approx(distance, abs=0.003)
-
-
-def test_distance_is_to_the_faces_not_to_their_corners() -> None:
-    """The nearest corner of a plain of two triangles is much farther off."""
-    plain = (
-        np.array([[-50.0, -50, 0], [50, -50, 0], [50, 50, 0], [-50, 50, 0]]),
-        np.array([[0, 1, 2], [0, 2, 3]]),
-    )
-    above = trimesh.creation.icosphere(subdivisions=1, radius=1.0)
-    above.apply_translation([3.0, 7.0, 5.0])
-    from mbstudio.core.imaging.likeness import _farthest
-
-    assert _farthest(np.asarray(above.vertices), plain) == pytest.approx(6.0, abs=1e-9)
 
 
 def test_hausdorff_of_an_avatar_over_the_nominal_diameter(grain: Grain) -> None:
