@@ -29,6 +29,8 @@ _PASSES = 60
 _EDGES_ACROSS = 4
 """Along the shortest side at least: a flake is not meshed by triangles that are wider than it is thick."""
 _REPAIRS = 16
+_ACCEPTED_ANGLE = np.radians(18.0)
+_SHORTER, _TRIES = 0.8, 6
 
 Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
@@ -48,7 +50,8 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     Returns
     -------
     trimesh.Trimesh
-        In the avatar's unit and frame, outward, of the genus of its marching-cubes mesh.
+        In the avatar's unit and frame, outward, of the genus of its marching-cubes mesh. Where edges of the
+        length asked for cannot follow the surface without slivers, they are shorter.
     """
     import trimesh
 
@@ -56,7 +59,25 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     vertices, faces = np.array(start.vertices, dtype=float), np.array(start.faces, dtype=np.int64)
     sides = np.sort(np.ptp(vertices, axis=0))
     edge = min(float(sides[2]) / cells, float(sides[0]) / _EDGES_ACROSS)
-    vertices = project_to_surface(avatar, vertices, edge)
+    start_mesh = project_to_surface(avatar, vertices, edge), faces
+    best_angle = -1.0
+    for _ in range(_TRIES):
+        tried, its_faces = _isotropic(avatar, *start_mesh, edge)
+        if volume is not None:
+            tried = _with_volume(avatar, tried, its_faces, volume)
+        angle = float(angles_of(tried, its_faces).min())
+        if angle > best_angle:
+            vertices, faces, best_angle = tried, its_faces, angle
+        if best_angle >= _ACCEPTED_ANGLE:
+            break
+        edge *= _SHORTER
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _isotropic(
+    avatar: Avatar, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], edge: float
+) -> Mesh:
+    """Return the mesh with edges of nearly one length."""
     for _ in range(_ROUNDS):
         vertices, faces = split_edges(vertices, faces, 4 / 3 * edge)
         vertices, faces = _collapse_short(vertices, faces, edge)
@@ -65,10 +86,7 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     for _ in range(4):
         faces = flip_edges(vertices, faces)
         vertices = relax(avatar, vertices, faces, edge)
-    vertices, faces = _repair(avatar, vertices, faces, edge)
-    if volume is not None:
-        vertices = _with_volume(avatar, vertices, faces, volume)
-    return trimesh.Trimesh(vertices, faces, process=False)
+    return _repair(avatar, vertices, faces, edge)
 
 
 def _collapse_short(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], edge: float) -> Mesh:

@@ -73,6 +73,20 @@ def test_all_kinds_of_avatars_get_one_closed_piece_of_their_genus(kind, cells):
     assert mesh.volume == pytest.approx(volume, rel=1e-3)
 
 
+@pytest.mark.parametrize("seed", [53, 88])
+def test_few_edges_are_made_shorter_rather_than_thin(seed):
+    """Slabs with horns: meshes of edges as long as asked have angles of 11 and 14 degrees there."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1, 1, (30, 3)) * [3, 2, 0.25]
+    points[:6] += rng.uniform(-1, 1, (6, 3)) * [1, 1, 1.2]
+    body = Avatar(points, rng.uniform(0.05, 0.2, 30), "mm")
+    volume = mass_properties(body, 1).volume
+    mesh = well_shaped_mesh(body, 8, volume)
+    assert np.degrees(angles_of(np.asarray(mesh.vertices), np.asarray(mesh.faces))).min() > 15
+    assert mesh.volume == pytest.approx(volume, rel=1e-3)
+    assert mesh.is_watertight
+
+
 def test_the_number_of_triangles_is_that_of_the_edges_asked_for():
     ball = Avatar([[0, 0, 0.0]], [1.0], "mm")
     for cells in (8, 16, 40):
