@@ -25,6 +25,20 @@ def test_a_gif_has_the_frames_that_were_added(tmp_path):
     assert imageio.immeta(tmp_path / "turn.gif", index=0)["duration"] == 80
 
 
+def test_a_film_has_the_frames_that_were_added(tmp_path):
+    """Colours are compressed, and sides are even."""
+    pytest.importorskip("imageio_ffmpeg", reason="MP4: imageio-ffmpeg is not installed")
+    with animation_file(tmp_path / "turn.mp4", seconds=0.1) as add:
+        for frame in frames(5, (65, 97)):
+            add(frame)
+    assert [path.name for path in tmp_path.iterdir()] == ["turn.mp4"]
+    read = imageio.imread(tmp_path / "turn.mp4", plugin="FFMPEG")
+    assert read.shape == (5, 64, 96, 3)
+    for number, frame in enumerate(frames()):
+        assert abs(int(read[number, 30, 40, 0]) - int(frame[0, 0, 0])) <= 6
+    assert imageio.immeta(tmp_path / "turn.mp4", plugin="FFMPEG")["fps"] == 10
+
+
 def test_a_sequence_has_a_picture_for_each_frame(tmp_path):
     with animation_file(tmp_path / "turn.png") as add:
         for frame in frames(3):

@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from mbstudio.core.dem.remesh_passes import collapse_edges, flip_edges, split_edges
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metrics.surface_distance import farthest_distance
 from mbstudio.core.metrics.surfaces import project_to_surface, signed_volumes, surface_area
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ _EDGES_ACROSS = 4
 """Along the shortest side at least: a flake is not meshed by triangles that are wider than it is thick."""
 _REPAIRS = 16
 _ACCEPTED_ANGLE = np.radians(18.0)
+_STRAYING = 0.5
+"""Of an edge: the farthest that the surface may lie from the mesh."""
 _SHORTER, _TRIES = 0.8, 6
 
 Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
@@ -51,7 +54,7 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     -------
     trimesh.Trimesh
         In the avatar's unit and frame, outward, of the genus of its marching-cubes mesh. Where edges of the
-        length asked for cannot follow the surface without slivers, they are shorter.
+        length asked for cannot follow the surface, or only with slivers, they are shorter.
     """
     import trimesh
 
@@ -60,18 +63,25 @@ def well_shaped_mesh(avatar: Avatar, cells: int = 32, volume: float | None = Non
     sides = np.sort(np.ptp(vertices, axis=0))
     edge = min(float(sides[2]) / cells, float(sides[0]) / _EDGES_ACROSS)
     start_mesh = project_to_surface(avatar, vertices, edge), faces
-    best_angle = -1.0
+    reach, best_angle, best_distance = _STRAYING * edge, -1.0, np.inf
     for _ in range(_TRIES):
         tried, its_faces = _isotropic(avatar, *start_mesh, edge)
         if volume is not None:
             tried = _with_volume(avatar, tried, its_faces, volume)
         angle = float(angles_of(tried, its_faces).min())
-        if angle > best_angle:
-            vertices, faces, best_angle = tried, its_faces, angle
-        if best_angle >= _ACCEPTED_ANGLE:
+        distance = farthest_distance(start_mesh[0], (tried, its_faces))
+        # First the surface, then the triangles: an edge wider than a horn is thick cuts it off.
+        rank, before = (_grade(d, a, reach) for d, a in ((distance, angle), (best_distance, best_angle)))
+        if rank > before:
+            vertices, faces, best_angle, best_distance = tried, its_faces, angle, distance
+        if best_angle >= _ACCEPTED_ANGLE and best_distance <= reach:
             break
         edge *= _SHORTER
     return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _grade(distance: float, angle: float, reach: float) -> tuple[float, float]:
+    return -max(distance / reach, 1.0), min(angle, _ACCEPTED_ANGLE)
 
 
 def _isotropic(

@@ -87,6 +87,18 @@ def test_few_edges_are_made_shorter_rather_than_thin(seed):
     assert mesh.is_watertight
 
 
+def test_a_horn_thinner_than_an_edge_is_not_cut_off():
+    """A ball with a horn: edges as long as asked would leave all of it out."""
+    along = np.linspace(2.0, 3.2, 13)
+    horn = np.stack([along, 0 * along, 0 * along], axis=1)
+    body = Avatar(np.concatenate([[[0, 0, 0]], horn]), np.r_[3.0, np.full(13, 0.01)], "mm")
+    mesh = well_shaped_mesh(body, 8, mass_properties(body, 1).volume)
+    fine = body.mesh(96)
+    left_out = fine.vertices[:, 0].max() - mesh.vertices[:, 0].max()
+    assert left_out < 0.52 * fine.extents.max() / 8
+    assert np.degrees(angles_of(np.asarray(mesh.vertices), np.asarray(mesh.faces))).min() > 15
+
+
 def test_the_number_of_triangles_is_that_of_the_edges_asked_for():
     ball = Avatar([[0, 0, 0.0]], [1.0], "mm")
     for cells in (8, 16, 40):
