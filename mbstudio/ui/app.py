@@ -19,7 +19,7 @@ from mbstudio import __version__
 from mbstudio.core.errors import MbstudioError
 from mbstudio.ui.collection import pause_collection, resume_collection
 from mbstudio.ui.icons import application_icon
-from mbstudio.ui.language import install_translation
+from mbstudio.ui.language import install_translation, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.message_bar import Level
 
@@ -110,7 +110,12 @@ def _message_of(say: Callable[[Level, str], None], before: Hook) -> Hook:
             text = str(error)
         else:
             log.error("Unexpected error", exc_info=(kind, error, trace))
-            text = f"Something went wrong in mbstudio ({kind.__name__}: {error}). Details: {log_file()}"
+            text = tr(
+                "Something went wrong in mbstudio ({kind}: {error}). Details: {file}",
+                kind=kind.__name__,
+                error=error,
+                file=log_file(),
+            )
         say("error", text)
 
     return hook

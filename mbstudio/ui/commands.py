@@ -25,7 +25,7 @@ class Command:
     callback : callable
         Called without arguments, or with the new state if `checked` is given.
     menu : str
-        Menu that it stands in.
+        Menu that it stands in, by its English name.
     shortcut : str
         As Qt writes it, several parted by "; "; empty for none.
     icon : str

@@ -11,6 +11,7 @@ from PySide6.QtCore import QObject
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.side_by_side import Column
 from mbstudio.scene.surfaces import avatar_surface, grain_surface
+from mbstudio.ui.language import tr
 from mbstudio.ui.viewport.viewport import Grip
 from mbstudio.ui.work.fit_work import LiveAvatar
 from mbstudio.ui.workers import Task
@@ -97,22 +98,22 @@ class CompareLink(QObject):
                 surface = replace(surface, points=(surface.points * np.float32(scale)))
             return [
                 Column(
-                    "Grain" if label is None else f"Grain {label}",
+                    tr("Grain") if label is None else tr("Grain {label}", label=label),
                     None if grain is None else grain_surface(grain),
                     "grain",
-                    "No grain is chosen.",
+                    tr("No grain is chosen."),
                 ),
                 Column(
-                    "Avatar" if fit is None else f"Avatar, n = {fit.avatar.n}",
+                    tr("Avatar") if fit is None else tr("Avatar, n = {n}", n=fit.avatar.n),
                     None if fit is None else avatar_surface(fit.avatar, 64),
                     "avatar",
-                    "No avatar yet:\nfit the grain at station Fit.",
+                    tr("No avatar yet:\nfit the grain at station Fit."),
                 ),
                 Column(
-                    "Clone" if number is None else f"Clone {number}",
+                    tr("Clone") if number is None else tr("Clone {number}", number=number),
                     surface,
                     "points",
-                    "No clone yet:\nmake some at station Style.",
+                    tr("No clone yet:\nmake some at station Style."),
                 ),
             ]
 
@@ -121,7 +122,7 @@ class CompareLink(QObject):
                 self._columns.show(columns, unit)
                 self._link.draw()
 
-        task = Task("Drawing the comparison", lambda control: make())
+        task = Task(tr("Drawing the comparison"), lambda control: make())
         task.succeeded.connect(done)
         self._window.queue.submit(task, lane="view", key="comparison")
 

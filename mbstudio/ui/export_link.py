@@ -11,6 +11,7 @@ from mbstudio.core.errors import ExportError
 from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.scene.export_preview import PreviewSurfaces
+from mbstudio.ui.language import tr
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.station_layers import STATION_LAYERS
 from mbstudio.ui.widgets.numbers import readable_power_unit
@@ -75,8 +76,8 @@ class ExportLink(QObject):
     def left(self) -> None:
         """Make nothing any more; the scene gets the unit of the grains back."""
         self._pause.stop()
-        self.work.drop("the preview")
-        self.work.drop("the specimen")
+        self.work.drop("preview")
+        self.work.drop("specimen")
         self._forget()
         grains, scan = self._window.workspace.state.grains, self._window.workspace.scan
         if grains is not None or scan is not None:
@@ -121,7 +122,7 @@ class ExportLink(QObject):
         self._place = min(self._place, max(0, len(named) - 1))
         self._card.setVisible(bool(named))
         if not named or not self._card.switch.isChecked():
-            self.work.drop("the preview")
+            self.work.drop("preview")
             self._card.clear()
             self._card.say("")
             self._card.show_name("", 0)
@@ -133,7 +134,7 @@ class ExportLink(QObject):
         self._card.show_name(name, len(named))
         if wanted != self._shown:
             self._shown = wanted
-            self._card.say("Being made …")
+            self._card.say(tr("Being made …"))
             self.work.show((name, avatar), target, options)
 
     def _forget(self) -> None:
@@ -176,7 +177,7 @@ class ExportLink(QObject):
         self._card.say(words)
 
     def _tell(self, what: str, words: str) -> None:
-        if words and what == "the preview":
+        if words and what == "preview":
             self._card.say(f"{words} …")
         elif words and self._form.is_wanted:
             self._form.summary.setText(f"{words} …")
@@ -188,13 +189,13 @@ class ExportLink(QObject):
         try:
             plan = self._form.plan()
         except ExportError as error:
-            self.work.drop("the specimen")
+            self.work.drop("specimen")
             self._sketched = None
             self._form.refuse(str(error))
             return
         self._form.refuse("")
         if plan is None or not named:
-            self.work.drop("the specimen")
+            self.work.drop("specimen")
             self._sketched = None
             if plan is not None:
                 self._form.show_result(plan.curve, None, "")
@@ -205,7 +206,7 @@ class ExportLink(QObject):
         )  # fmt: skip
         if wanted != self._sketched:
             self._sketched = wanted
-            self._form.show_result(plan.curve, None, "Being made …")
+            self._form.show_result(plan.curve, None, tr("Being made …"))
             self.work.sketch(named, plan)
 
     def _show_specimen(self, sketch: SpecimenSketch) -> None:
@@ -215,14 +216,28 @@ class ExportLink(QObject):
         f, name = conversion_factor(specimen.unit, unit), unit_label(unit)
         grain = plan.curve.unit
         sizes = conversion_factor(found.unit, grain)
-        words = (
-            f"D10 {found.d10 * sizes:.3g}, D50 {found.d50 * sizes:.3g}, D60 {found.d60 * sizes:.3g} "
-            f"{unit_label(grain)}; box {2 * specimen.half * f:.4g} × {2 * specimen.half * f:.4g} × "
-            f"{specimen.top * f:.4g} {name}."
-        )
+        words = [
+            tr(
+                "D10 {d10:.3g}, D50 {d50:.3g}, D60 {d60:.3g} {grain_unit}; "
+                "box {width:.4g} × {width:.4g} × {height:.4g} {box_unit}.",
+                d10=found.d10 * sizes,
+                d50=found.d50 * sizes,
+                d60=found.d60 * sizes,
+                grain_unit=unit_label(grain),
+                width=2 * specimen.half * f,
+                height=specimen.top * f,
+                box_unit=name,
+            )
+        ]
         if sketch.kinds < sketch.of:
-            words += f" Drawn with {sketch.kinds} of the {sketch.of} avatars; the export takes all."
-        self._form.show_result(plan.curve, found, words)
+            words.append(
+                tr(
+                    "Drawn with {measured} of the {count} avatars; the export takes all.",
+                    measured=sketch.kinds,
+                    count=sketch.of,
+                )
+            )
+        self._form.show_result(plan.curve, found, " ".join(words))
 
     def _ask_curve(self) -> None:
         named = self._panel.chosen().named

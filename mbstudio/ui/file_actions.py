@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QFileDialog
 
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.leave_card import LeaveCard
 from mbstudio.ui.widgets.scan_dialog import ScanDialog
 from mbstudio.ui.work.scan_work import SCAN_SUFFIXES
@@ -16,8 +17,9 @@ from mbstudio.ui.work.scan_work import SCAN_SUFFIXES
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
-PROJECT_FILTER = "MetaBall Studio project (*.mbs)"
+PROJECT_FILTER = mark("MetaBall Studio project (*.mbs)")
 FIGURES = (".svg", ".png", ".pdf")
+_FIGURE_FILTER = mark("SVG drawing (*.svg);;PNG picture (*.png);;PDF (*.pdf)")
 
 
 class FileActions(QObject):
@@ -40,20 +42,25 @@ class FileActions(QObject):
         """Let the person choose a scan file."""
         kinds = " ".join(f"*{suffix}" for suffix in SCAN_SUFFIXES)
         name, _ = QFileDialog.getOpenFileName(
-            self._window, "Open scan", self.folder(), f"CT scans ({kinds});;All files (*)"
+            self._window,
+            tr("Open scan"),
+            self.folder(),
+            tr("CT scans ({endings});;All files (*)", endings=kinds),
         )
         if name:
             self.open_path(Path(name))
 
     def ask_scan_folder(self) -> None:
         """Let the person choose a folder of slices."""
-        name = QFileDialog.getExistingDirectory(self._window, "Open folder of slices", self.folder())
+        name = QFileDialog.getExistingDirectory(self._window, tr("Open folder of slices"), self.folder())
         if name:
             self.open_path(Path(name))
 
     def ask_project(self) -> None:
         """Let the person choose a project file."""
-        name, _ = QFileDialog.getOpenFileName(self._window, "Open project", self.folder(), PROJECT_FILTER)
+        name, _ = QFileDialog.getOpenFileName(
+            self._window, tr("Open project"), self.folder(), tr(PROJECT_FILTER)
+        )
         if name:
             self.open_path(Path(name))
 
@@ -67,7 +74,10 @@ class FileActions(QObject):
     def tell_missing_scan(self, why: str) -> None:
         """Say that the project's scan is missing, and offer to tell where it is; work goes on without."""
         self._window.messages.say(
-            "warning", f"{why} Grains and avatars are there all the same.", "Locate…", self.ask_missing_scan
+            "warning",
+            tr("{why} Grains and avatars are there all the same.", why=why),
+            tr("Locate…"),
+            self.ask_missing_scan,
         )
 
     def ask_missing_scan(self) -> None:
@@ -77,12 +87,12 @@ class FileActions(QObject):
             return
         name = ""
         if reference.path is not None and not reference.path.suffix:
-            name = QFileDialog.getExistingDirectory(self._window, "Where are the slices?", self.folder())
+            name = QFileDialog.getExistingDirectory(self._window, tr("Where are the slices?"), self.folder())
         else:
-            wanted = "" if reference.path is None else f" ({reference.path.name})"
-            name, _ = QFileDialog.getOpenFileName(
-                self._window, f"Where is the project's scan{wanted}?", self.folder(), "All files (*)"
-            )
+            title = tr("Where is the project's scan?")
+            if reference.path is not None:
+                title = tr("Where is the project's scan ({name})?", name=reference.path.name)
+            name, _ = QFileDialog.getOpenFileName(self._window, title, self.folder(), tr("All files (*)"))
         if name:
             self._window.scans.relocate(Path(name))
 
@@ -105,7 +115,7 @@ class FileActions(QObject):
     def save_as(self, after: Any = None) -> None:
         """Ask for a file and save to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save project", self.folder("sand.mbs"), PROJECT_FILTER
+            self._window, tr("Save project"), self.folder("sand.mbs"), tr(PROJECT_FILTER)
         )
         if name:
             path = Path(name)
@@ -114,7 +124,7 @@ class FileActions(QObject):
     def ask_screenshot(self) -> None:
         """Ask for a file and save the view to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save picture", self.folder("view.png"), "PNG picture (*.png)"
+            self._window, tr("Save picture"), self.folder("view.png"), tr("PNG picture (*.png)")
         )
         if name:
             self.save_screenshot(Path(name))
@@ -127,17 +137,20 @@ class FileActions(QObject):
         try:
             imwrite(path, self._window.viewport.picture(self._window.pictures.scale))
         except OSError as error:
-            self._window.messages.say("error", f"{path} cannot be written ({error}): choose another folder.")
+            self._window.messages.say(
+                "error",
+                tr("{path} cannot be written ({error}): choose another folder.", path=path, error=error),
+            )
         else:
-            self._window.messages.say("success", f"Saved the view as {path}.")
+            self._window.messages.say("success", tr("Saved the view as {path}.", path=path))
 
     def ask_turntable(self) -> None:
         """Ask for a file and write the view turning once around to it."""
         name, kind = QFileDialog.getSaveFileName(
             self._window,
-            "Save turntable",
+            tr("Save turntable"),
             self.folder("turntable.gif"),
-            "GIF animation (*.gif);;MP4 film (*.mp4);;PNG pictures, one a frame (*.png)",
+            tr("GIF animation (*.gif);;MP4 film (*.mp4);;PNG pictures, one a frame (*.png)"),
         )
         if name:
             path = Path(name)
@@ -149,9 +162,9 @@ class FileActions(QObject):
         path = self._window.workspace.project.path
         name, _ = QFileDialog.getSaveFileName(
             self._window,
-            "Write report",
+            tr("Write report"),
             self.folder(f"{path.stem}.html" if path else "report.html"),
-            "HTML page (*.html)",
+            tr("HTML page (*.html)"),
         )
         if name:
             chosen = Path(name)
@@ -161,9 +174,9 @@ class FileActions(QObject):
         """Ask for a file and save the plot that is looked at to it."""
         name, kind = QFileDialog.getSaveFileName(
             self._window,
-            "Save figure",
+            tr("Save figure"),
             self.folder(f"{self._window.plots.page_name}.svg"),
-            "SVG drawing (*.svg);;PNG picture (*.png);;PDF (*.pdf)",
+            tr(_FIGURE_FILTER),
         )
         if name:
             self.save_figure(Path(name), kind)
@@ -173,9 +186,9 @@ class FileActions(QObject):
         label = self._window.workspace.selected
         name, kind = QFileDialog.getSaveFileName(
             self._window,
-            "Save convergence curve",
+            tr("Save convergence curve"),
             self.folder(f"convergence_{label}.svg"),
-            "SVG drawing (*.svg);;PNG picture (*.png);;PDF (*.pdf)",
+            tr(_FIGURE_FILTER),
         )
         if name:
             path = Path(name)
@@ -189,18 +202,20 @@ class FileActions(QObject):
         space, messages = self._window.workspace, self._window.messages
         fit = space.state.fits.get(space.selected) if space.selected is not None else None
         if path.suffix.lower() not in FIGURES:
-            messages.say("error", f"{path} has no ending of a figure: use {', '.join(FIGURES)}.")
+            messages.say("error", _no_figure(path))
         elif fit is not None and space.selected is not None:
             fits = {space.selected: fit}
             task = self._window.populations.draw(lambda: convergence_plot(fits), path)
-            task.succeeded.connect(lambda written: messages.say("success", f"Saved the curve as {written}."))
+            task.succeeded.connect(
+                lambda written: messages.say("success", tr("Saved the curve as {path}.", path=written))
+            )
 
     def save_figure(self, path: Path, kind: str = "") -> None:
         """Save the plot that is looked at: SVG, PNG or PDF by its ending."""
         if not path.suffix:
             path = path.with_suffix(next((end for end in FIGURES if end in kind), ".svg"))
         if path.suffix.lower() not in FIGURES:
-            self._window.messages.say("error", f"{path} has no ending of a figure: use {', '.join(FIGURES)}.")
+            self._window.messages.say("error", _no_figure(path))
         else:
             self._window.brushing.save_figure(path)
 
@@ -208,16 +223,16 @@ class FileActions(QObject):
         """Let the person choose a label image."""
         name, _ = QFileDialog.getOpenFileName(
             self._window,
-            "Load labels",
+            tr("Load labels"),
             self.folder(),
-            "Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha);;All files (*)",
+            tr("Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha);;All files (*)"),
         )
         if name:
             self._window.grains.load(Path(name))
 
     def ask_export_folder(self) -> None:
         """Let the person choose where DEM files go."""
-        name = QFileDialog.getExistingDirectory(self._window, "Folder for the DEM files", self.folder())
+        name = QFileDialog.getExistingDirectory(self._window, tr("Folder for the DEM files"), self.folder())
         if name:
             self._window.panels_export.folder.setText(name)
 
@@ -241,11 +256,12 @@ class FileActions(QObject):
             then()
             return
         running = window.queue.running()
-        told = "Otherwise the grains and avatars since the last save are lost."
+        told = [tr("Otherwise the grains and avatars since the last save are lost.")]
         if running is not None:
-            told = f"“{running.title}” is still running and will be stopped. " + told
+            told.insert(0, tr("“{task}” is still running and will be stopped.", task=running.title))
         self._then = then
-        self.leaving.ask(f"Save the changes to “{window.workspace.title}”?", told)
+        question = tr("Save the changes to “{project}”?", project=window.workspace.title)
+        self.leaving.ask(question, " ".join(told))
 
     def _leave(self, answer: str) -> None:
         """Do what was answered; work may have been done or saved since the question was asked."""
@@ -271,3 +287,7 @@ class FileActions(QObject):
         recent = self._window.workspace.recent
         folder = project.parent if project else (recent[0].parent if recent else Path.home())
         return str(folder / name)
+
+
+def _no_figure(path: Path) -> str:
+    return tr("{path} has no ending of a figure: use {endings}.", path=path, endings=", ".join(FIGURES))

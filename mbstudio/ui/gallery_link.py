@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QDockWidget
 from mbstudio.core.populations import Population
 from mbstudio.scene.grain_thumbnails import grain_thumbnail
 from mbstudio.scene.thumbnails import thumbnail
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.body_gallery import KINDS, BodyGallery
 from mbstudio.ui.widgets.body_list import SIDE, Bodies
 from mbstudio.ui.widgets.grain_strip import pixmap_of
@@ -38,7 +39,7 @@ class GalleryLink(QObject):
         super().__init__(window)
         self._window, self._space = window, window.workspace
         self.gallery = BodyGallery(window.icons)
-        self.dock = make_dock("bodies", "Gallery", self.gallery, Qt.DockWidgetArea.RightDockWidgetArea)
+        self.dock = make_dock("bodies", tr("Gallery"), self.gallery, Qt.DockWidgetArea.RightDockWidgetArea)
         self._made: dict[str, tuple[tuple[object, ...], Bodies | None]] = {}
         self._is_telling = False
 
@@ -162,7 +163,7 @@ class GalleryLink(QObject):
             for row in rows:
                 yield row, bodies.draw(row)
 
-        task = Task("Drawing the gallery", pictures)
+        task = Task(tr("Drawing the gallery"), pictures)
         task.reported.connect(lambda report: self._take(bodies, report))
         running = self._window.queue.running(LANE)
         if running is not None:

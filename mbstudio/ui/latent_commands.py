@@ -7,10 +7,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.blend_page import LETTERS
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
+
+PAGES = (mark("Factors"), mark("Blend"), mark("Map"))
+"""Of the latent studio."""
 
 
 def latent_commands(window: MainWindow) -> list[Command]:
@@ -33,64 +37,66 @@ def latent_commands(window: MainWindow) -> list[Command]:
 
     return [
         Command(
-            "latent.keep", "Keep grain", at_station(work.keep), "Latent", "Ctrl+B", "ph.bookmark-simple",
-            "Put the grain under the hand into the gallery, with its recipe", there,
+            "latent.keep", tr("Keep grain"), at_station(work.keep), "Latent", "Ctrl+B", "ph.bookmark-simple",
+            tr("Put the grain under the hand into the gallery, with its recipe"), there,
         ),
         Command(
-            "latent.alike", "Keep grains like this", at_station(panel.alike.click), "Latent", "Ctrl+Shift+B",
-            "ph.dots-nine", "Keep variations of the grain, with the noise set in the panel", there,
+            "latent.alike", tr("Keep grains like this"), at_station(panel.alike.click), "Latent",
+            "Ctrl+Shift+B", "ph.dots-nine",
+            tr("Keep variations of the grain, with the noise set in the panel"), there,
         ),
         Command(
-            "latent.rename", "Rename kept grain", gallery.rename.click, "Latent", "", "ph.pencil-simple",
-            "Call the chosen kept grain otherwise", chosen_kept,
+            "latent.rename", tr("Rename kept grain"), gallery.rename.click, "Latent", "", "ph.pencil-simple",
+            tr("Call the chosen kept grain otherwise"), chosen_kept,
         ),
         Command(
-            "latent.remove", "Remove kept grain", gallery.remove.click, "Latent", "", "ph.trash",
-            "Take the chosen kept grain out of the gallery", chosen_kept,
+            "latent.remove", tr("Remove kept grain"), gallery.remove.click, "Latent", "", "ph.trash",
+            tr("Take the chosen kept grain out of the gallery"), chosen_kept,
         ),
         Command(
-            "latent.randomise", "Randomise", at_station(panel.randomise.click), "Latent", "Ctrl+R",
-            "ph.dice-five", "A new grain in the style of the parents; what is locked stays", there,
+            "latent.randomise", tr("Randomise"), at_station(panel.randomise.click), "Latent", "Ctrl+R",
+            "ph.dice-five", tr("A new grain in the style of the parents; what is locked stays"), there,
             separated=True,
         ),
         Command(
-            "latent.another", "Another one", at_station(panel.another.click), "Latent", "Ctrl+Shift+A", "",
-            "Noise as strong, another way", there,
+            "latent.another", tr("Another one"), at_station(panel.another.click), "Latent",
+            "Ctrl+Shift+A", "", tr("Noise as strong, another way"), there,
         ),
         Command(
-            "latent.reset", "Reset grain", at_station(work.reset), "Latent", "", "ph.arrow-counter-clockwise",
-            "Back to the grain before it was shaped",
+            "latent.reset", tr("Reset grain"), at_station(work.reset), "Latent", "",
+            "ph.arrow-counter-clockwise", tr("Back to the grain before it was shaped"),
             lambda: work.stance is not None and len(work.stance.operations) > 1,
         ),
         Command(
-            "latent.beyond", "Allow far outside", panel.beyond.setChecked, "Latent", "", "",
-            "Let grains go far outside the parents instead of holding them at the edge", there,
+            "latent.beyond", tr("Allow far outside"), panel.beyond.setChecked, "Latent", "", "",
+            tr("Let grains go far outside the parents instead of holding them at the edge"), there,
             lambda: panel.beyond.isChecked(),
         ),
         *(
             Command(
-                f"latent.pick_{letter.lower()}", f"Take chosen grain as {letter}",
+                f"latent.pick_{letter.lower()}", tr("Take chosen grain as {letter}", letter=letter),
                 partial(at_station(partial(link.pick, letter))), "Latent", "", "",
-                f"Let {letter} of page Blend stand for the grain chosen in the gallery",
+                tr("Let {letter} of page Blend stand for the grain chosen in the gallery", letter=letter),
                 lambda: there() and gallery.chosen is not None, separated=letter == "A",
             )
             for letter in LETTERS
         ),
         Command(
-            "latent.play", "Play from A to B", blend.play.setChecked, "Latent", "", "",
-            "Play the way from A to B and back", lambda: blend.play.isEnabled(),
+            "latent.play", tr("Play from A to B"), blend.play.setChecked, "Latent", "", "",
+            tr("Play the way from A to B and back"), lambda: blend.play.isEnabled(),
             lambda: blend.play.isChecked(),
         ),
         Command(
-            "latent.animation", "Save animation…", link.ask_animation, "Latent", "", "ph.film-strip",
-            "The way from A to B as a moving picture", lambda: blend.animation.isEnabled(),
+            "latent.animation", tr("Save animation…"), link.ask_animation, "Latent", "", "ph.film-strip",
+            tr("The way from A to B as a moving picture"), lambda: blend.animation.isEnabled(),
         ),
         *(
             Command(
-                f"latent.page_{title.lower()}", f"Page {title}",
-                at_station(partial(window.studio.open_page, title)), "Latent", "", "",
-                f"Turn to the page {title} of the latent studio", there, separated=title == "Factors",
+                f"latent.page_{name.lower()}", tr("Page {page}", page=tr(name)),
+                at_station(partial(window.studio.open_page, name)), "Latent", "", "",
+                tr("Turn to the page {page} of the latent studio", page=tr(name)), there,
+                separated=name == "Factors",
             )
-            for title in ("Factors", "Blend", "Map")
+            for name in PAGES
         ),
     ]  # fmt: skip

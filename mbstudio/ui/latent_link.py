@@ -13,19 +13,18 @@ from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.core.units import unit_label
 from mbstudio.core.vae import load_style_learner
 from mbstudio.core.vae.latent import aligned_to, interpolated
 from mbstudio.core.vae.latent_recipe import Operation
 from mbstudio.core.vae.live_grain import AT_REST, live_grain
-from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.scene.animation import require_writer
 from mbstudio.scene.morph_animation import write_morph
 from mbstudio.scene.surfaces import Surface
+from mbstudio.ui.language import tr
 from mbstudio.ui.latent_pictures import LatentPictures
+from mbstudio.ui.latent_words import told_of
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.blend_page import LETTERS, STRIP
-from mbstudio.ui.widgets.factor_radar import SHORT
 from mbstudio.ui.workers import Task
 
 if TYPE_CHECKING:
@@ -103,14 +102,14 @@ class LatentLink(QObject):
 
     def ask_style(self) -> None:
         """Let the person choose the folder of a style-learner."""
-        name = QFileDialog.getExistingDirectory(self._window, "Open style-learner")
+        name = QFileDialog.getExistingDirectory(self._window, tr("Open style-learner"))
         if name:
             self.open_style(Path(name))
 
     def open_style(self, folder: Path) -> None:
         """Open a style-learner in the background."""
-        task = Task("Opening the style-learner", lambda control: load_style_learner(folder))
-        task.succeeded.connect(lambda learner: self._window.workspace.use_style(learner, "Open style"))
+        task = Task(tr("Opening the style-learner"), lambda control: load_style_learner(folder))
+        task.succeeded.connect(lambda learner: self._window.workspace.use_style(learner, tr("Open style")))
         self._window.queue.submit(task)
 
     def _go_to_style(self) -> None:
@@ -118,7 +117,8 @@ class LatentLink(QObject):
             self._window.enter("style")
         else:
             self._window.messages.say(
-                "info", "Run “mbstudio learn” on a folder of avatars, then open the folder that it writes."
+                "info",
+                tr("Run “mbstudio learn” on a folder of avatars, then open the folder that it writes."),
             )
 
     def _take_style(self) -> None:
@@ -232,16 +232,7 @@ class LatentLink(QObject):
 
     def _tips(self) -> dict[str, str]:
         """Return what is told of each kept grain: its factors, and how it was made."""
-        found = {}
-        for grain in self._work.kept_grains:
-            measured = zip(MEANINGS, grain.factors, strict=True)
-            unit = unit_label(grain.unit)
-            words = ", ".join(
-                f"{SHORT[name]} {value:.4g} {unit}" if name == "size" else f"{SHORT[name]} {value:.3f}"
-                for name, value in measured
-            )
-            found[grain.name] = f"{grain.name}: {words}\nMade by: {grain.recipe.words}"
-        return found
+        return {grain.name: told_of(grain) for grain in self._work.kept_grains}
 
     def _rename(self, name: str, to: str) -> None:
         if self._work.rename(name, to):
@@ -280,7 +271,8 @@ class LatentLink(QObject):
         name = name or self._gallery.chosen or ""
         latent = self._work.latent_of(name)
         if latent is None:
-            self._window.messages.say("info", f"Choose a grain in the gallery first, then click {letter}.")
+            told = tr("Choose a grain in the gallery first, then click {letter}.", letter=letter)
+            self._window.messages.say("info", told)
             return
         self.letters[letter] = (name, latent)
         self._dock.blend.set_grain(letter, name, self.pictures.made.get(name))
@@ -309,7 +301,8 @@ class LatentLink(QObject):
             return
         (a, first), (b, second) = self.letters["A"], self.letters["B"]
         given = {"a": first.tolist(), "b": second.tolist(), "share": share}
-        operation = Operation("between", given, f"{100 * share:.0f} % from {a} to {b}")
+        words = tr("{percent:.0f} % from {a} to {b}", percent=100 * share, a=a, b=b)
+        operation = Operation("between", given, words)
         (self._work.commit if final else self._work.preview)(operation)
 
     def _sum(self, strength: float, final: bool) -> None:
@@ -351,7 +344,7 @@ class LatentLink(QObject):
 
     def _walk(self, place: Float64[np.ndarray, "2"], final: bool) -> None:
         x, y = (round(float(value), 4) for value in place)
-        operation = Operation("place", {"place": [x, y]}, f"map ({x:.2f}, {y:.2f})")
+        operation = Operation("place", {"place": [x, y]}, tr("map ({x:.2f}, {y:.2f})", x=x, y=y))
         (self._work.commit if final else self._work.preview)(operation)
 
     # ---- animation -------------------------------------------------------------------------------
@@ -360,9 +353,9 @@ class LatentLink(QObject):
         """Ask for a file and write the way from A to B to it."""
         name, _ = QFileDialog.getSaveFileName(
             self._window,
-            "Save animation",
+            tr("Save animation"),
             str(Path.home() / "morph.gif"),
-            "GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)",
+            tr("GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)"),
         )
         if name:
             chosen = Path(name)
@@ -382,13 +375,16 @@ class LatentLink(QObject):
             write_morph, learner, self.letters["A"][1], self.letters["B"][1], path, self._window.theme.scene,
             steps=steps,
         )  # fmt: skip
-        task = Task("Writing the animation", lambda control: write(progress=control.progress))
-        what = f"pictures {path.stem}_000.png, ..." if path.suffix.lower() == ".png" else path.name
-        task.succeeded.connect(
-            lambda _: self._window.messages.say(
-                "success", f"Saved the way from A to B as {what} in {path.parent}."
+        task = Task(tr("Writing the animation"), lambda control: write(progress=control.progress))
+        if path.suffix.lower() == ".png":
+            told = tr(
+                "Saved the way from A to B as pictures {name}_000.png, ... in {folder}.",
+                name=path.stem,
+                folder=path.parent,
             )
-        )
+        else:
+            told = tr("Saved the way from A to B as {name} in {folder}.", name=path.name, folder=path.parent)
+        task.succeeded.connect(lambda _: self._window.messages.say("success", told))
         self._window.queue.submit(task)
 
 

@@ -12,6 +12,7 @@ from PySide6.QtGui import QPixmap
 
 from mbstudio.core.vae.style_learner import StyleLearner
 from mbstudio.scene.thumbnails import thumbnail
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.grain_strip import SIDE, pixmap_of
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
@@ -65,7 +66,7 @@ class LatentPictures(QObject):
             for name, vector in zip(names, vectors, strict=True):
                 yield name, vector, thumbnail(learner.decode(vector[None]).avatar(0), colour, SIDE)
 
-        task = Task("Drawing small pictures", drawn)
+        task = Task(tr("Drawing small pictures"), drawn)
         task.reported.connect(lambda report: self._take(learner, report))
         self._queue.submit(task, lane=LANES[key in ("parents", "clones")], key=key)
 

@@ -15,6 +15,7 @@ from mbstudio.ui.compare_link import CompareLink
 from mbstudio.ui.export_link import ExportLink
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons, application_icon
+from mbstudio.ui.language import tr
 from mbstudio.ui.latent_link import LatentLink
 from mbstudio.ui.picture_link import PictureLink
 from mbstudio.ui.population_link import PopulationLink
@@ -47,8 +48,6 @@ from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 log = logging.getLogger(__name__)
-
-PROJECT_FILTER = "MetaBall Studio project (*.mbs)"
 
 
 class MainWindow(WindowLayout):
@@ -104,8 +103,8 @@ class MainWindow(WindowLayout):
         self._make_menus()
         self.palette_box = CommandPalette(self.commands, self)
         self.strip = TaskStrip(self.queue, self.icons)
-        self._renderer = QLabel(f"{self.viewport.kind} view")
-        self._renderer.setToolTip("How the 3-D view is drawn")
+        self._renderer = QLabel(tr("OpenGL view") if self.viewport.kind == "OpenGL" else tr("software view"))
+        self._renderer.setToolTip(tr("How the 3-D view is drawn"))
         self.statusBar().addPermanentWidget(self.strip)
         self.statusBar().addPermanentWidget(self._renderer)
         self.statusBar().setSizeGripEnabled(False)
@@ -139,8 +138,11 @@ class MainWindow(WindowLayout):
         if self._closing:
             return
         self.commands.refresh()
-        for verb, words in zip(("Undo", "Redo"), self.shaping.history(), strict=True):
-            self.commands.action(f"edit.{verb.lower()}").setText(f"{verb}: {words}" if words else verb)
+        undone, redone = self.shaping.history()
+        undo = tr("Undo: {change}", change=undone) if undone else tr("Undo")
+        redo = tr("Redo: {change}", change=redone) if redone else tr("Redo")
+        self.commands.action("edit.undo").setText(undo)
+        self.commands.action("edit.redo").setText(redo)
         for button, command in (
             (self.panels_grains.find_button, "grains.find"),
             (self.panels_grains.load_button, "grains.load"),
@@ -149,7 +151,7 @@ class MainWindow(WindowLayout):
         ):
             button.setEnabled(self.commands.action(command).isEnabled())
         self._pages.setCurrentIndex(1 if self.has_view else 0)
-        self.setWindowTitle(f"{self.workspace.title}[*] – MetaBall Studio")
+        self.setWindowTitle(tr("{project}[*] – MetaBall Studio", project=self.workspace.title))
         self.setWindowModified(self.workspace.is_modified)
 
     # ---- commands: work --------------------------------------------------------------------------
@@ -189,7 +191,7 @@ class MainWindow(WindowLayout):
     def use_n(self, n: int) -> None:
         """Fit with this number from now on; a target would look for another."""
         self.workspace.change_fit_settings(n=n, target="")
-        self.messages.say("success", f"The next fits are made with n = {n}.")
+        self.messages.say("success", tr("The next fits are made with n = {n}.", n=n))
 
     def more_generations(self) -> None:
         """Let the last fit go on."""

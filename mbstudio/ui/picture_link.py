@@ -14,6 +14,7 @@ from PySide6.QtGui import QGuiApplication, QImage
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import camera
 from mbstudio.scene.animation import animation_file, require_writer
+from mbstudio.ui.language import tr
 from mbstudio.ui.workers import Control, Task
 
 if TYPE_CHECKING:
@@ -84,7 +85,10 @@ class PictureLink(QObject):
         height, width, _ = pixels.shape
         image = QImage(pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)
         QGuiApplication.clipboard().setImage(image.copy())
-        self._window.messages.say("success", f"Copied the view to the clipboard, {width} × {height} pixels.")
+        self._window.messages.say(
+            "success",
+            tr("Copied the view to the clipboard, {width} × {height} pixels.", width=width, height=height),
+        )
 
     # ---- turntable -------------------------------------------------------------------------------
 
@@ -125,7 +129,8 @@ class PictureLink(QObject):
         def work(control: Control) -> Path:
             with animation_file(path) as add:
                 for number in range(frames):
-                    control.progress(number / frames, f"frame {number + 1} of {frames}")
+                    told = tr("frame {frame} of {frames}", frame=number + 1, frames=frames)
+                    control.progress(number / frames, told)
                     add(source.frame(number, control))
             return path
 
@@ -135,7 +140,7 @@ class PictureLink(QObject):
             viewport.request_render()
             self._window.refresh()
 
-        task = Task("Writing the turntable", work)
+        task = Task(tr("Writing the turntable"), work)
         task.succeeded.connect(lambda written: self._window.messages.say("success", _told(written, frames)))
         task.ended.connect(over)
         self._turning = task
@@ -154,5 +159,10 @@ def _of_size(picture: UInt8[np.ndarray, "h w 3"], size: tuple[int, ...]) -> UInt
 
 def _told(path: Path, frames: int) -> str:
     if path.suffix.lower() == ".png":
-        return f"Saved the turntable as {frames} pictures, {path.stem}_000.png and so on, in {path.parent}."
-    return f"Saved the turntable as {path}."
+        return tr(
+            "Saved the turntable as {frames} pictures, {name}_000.png and so on, in {folder}.",
+            frames=frames,
+            name=path.stem,
+            folder=path.parent,
+        )
+    return tr("Saved the turntable as {path}.", path=path)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
@@ -17,52 +18,52 @@ def population_commands(window: MainWindow) -> list[Command]:
     commands = [
         Command(
             "populations.measure",
-            "Measure populations",
+            tr("Measure populations"),
             work.measure,
             "Populations",
             "Ctrl+M",
             "ph.ruler",
-            "Measure grains and avatars for the plots",
+            tr("Measure grains and avatars for the plots"),
             lambda: space.state.grains is not None and not work.is_measuring and not work.is_current,
         ),
         Command(
             "populations.report",
-            "Write report…",
+            tr("Write report…"),
             window.files.ask_report,
             "Populations",
             "Ctrl+Shift+R",
             "ph.file-text",
-            "Write tables and figures as one HTML file",
+            tr("Write tables and figures as one HTML file"),
             lambda: space.state.grains is not None and not work.is_measuring,
         ),
         Command(
             "populations.save_figure",
-            "Save figure…",
+            tr("Save figure…"),
             window.files.ask_figure,
             "Populations",
             "",
             "ph.download-simple",
-            "Save the plot that is looked at as SVG, PNG or PDF",
+            tr("Save the plot that is looked at as SVG, PNG or PDF"),
             lambda: bool(work.populations),
         ),
         Command(
             "populations.copy_figure",
-            "Copy figure",
+            tr("Copy figure"),
             window.brushing.copy_figure,
             "Populations",
             "",
             "ph.copy",
-            "Put the plot that is looked at into the clipboard",
+            tr("Put the plot that is looked at into the clipboard"),
             lambda: bool(work.populations),
         ),
     ]
     for place, (name, title) in enumerate(
         (
-            ("distribution", "Distribution"),
-            ("pairs", "Pairs"),
-            ("zingg", "Zingg diagram"),
-            ("sneed_folk", "Sneed–Folk diagram"),
-            ("size", "Particle size"),
+            ("distribution", tr("Distribution")),
+            ("pairs", tr("Pairs")),
+            ("zingg", tr("Zingg diagram")),
+            ("sneed_folk", tr("Sneed–Folk diagram")),
+            ("size", tr("Particle size")),
         )
     ):
         commands.append(
@@ -73,7 +74,7 @@ def population_commands(window: MainWindow) -> list[Command]:
                 "Populations",
                 f"Ctrl+Alt+{place + 1}",
                 "",
-                f"Go to the plot: {title}",
+                tr("Go to the plot: {plot}", plot=title),
                 lambda: space.state.grains is not None,
                 separated=place == 0,
             )

@@ -12,6 +12,7 @@ from PySide6.QtGui import QDesktopServices, QGuiApplication, QImage
 from mbstudio.core.populations import Population, size_distribution
 from mbstudio.scene.form_figures import sneed_folk_figure, zingg_figure
 from mbstudio.scene.population_figures import distribution_figure, joint_figure, sieve_figure
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.population_plots import Shown
 
 if TYPE_CHECKING:
@@ -68,11 +69,11 @@ class PopulationLink(QObject):
 
     def _say(self) -> None:
         if self._space.state.grains is None:
-            words = "There are no grains yet.\nFind them at station Grains, then come back."
+            words = tr("There are no grains yet.\nFind them at station Grains, then come back.")
         elif self._work.is_measuring:
-            words = "Grains and avatars are being measured …\nPlots appear here when that is done."
+            words = tr("Grains and avatars are being measured …\nPlots appear here when that is done.")
         else:
-            words = "Press “Measure” on the left.\nPlots of the grains and their avatars appear here."
+            words = tr("Press “Measure” on the left.\nPlots of the grains and their avatars appear here.")
         self._dock.say(words)
 
     # ---- figures and report --------------------------------------------------------------------
@@ -81,7 +82,9 @@ class PopulationLink(QObject):
         """Save the page that is looked at as a figure of a report."""
         messages = self._window.messages
         task = self._work.draw(self._maker(), path)
-        task.succeeded.connect(lambda written: messages.say("success", f"Saved the figure as {written}."))
+        task.succeeded.connect(
+            lambda written: messages.say("success", tr("Saved the figure as {path}.", path=written))
+        )
 
     def copy_figure(self) -> None:
         """Put the page that is looked at into the clipboard."""
@@ -92,7 +95,7 @@ class PopulationLink(QObject):
             height, width, _ = pixels.shape  # type: ignore[attr-defined]
             image = QImage(pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)  # type: ignore[attr-defined]
             QGuiApplication.clipboard().setImage(image.copy())
-            self._window.messages.say("success", "Copied the figure to the clipboard.")
+            self._window.messages.say("success", tr("Copied the figure to the clipboard."))
 
         self._work.draw(self._maker()).succeeded.connect(take)
 
@@ -104,7 +107,10 @@ class PopulationLink(QObject):
         address = QUrl.fromLocalFile(str(path.resolve()))
         task.succeeded.connect(
             lambda _: self._window.messages.say(
-                "success", f"Wrote the report {path}.", "Open", lambda: QDesktopServices.openUrl(address)
+                "success",
+                tr("Wrote the report {path}.", path=path),
+                tr("Open"),
+                lambda: QDesktopServices.openUrl(address),
             )
         )
 

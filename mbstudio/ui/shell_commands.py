@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
@@ -15,12 +16,12 @@ def recovery_commands(window: MainWindow) -> list[Command]:
     return [
         Command(
             "project.restore",
-            "Restore unsaved work",
+            tr("Restore unsaved work"),
             lambda: window.shell.restore(),
             "File",
             "",
             "ph.clock-counter-clockwise",
-            "Bring back what was worked on when the program ended early",
+            tr("Bring back what was worked on when the program ended early"),
             lambda: bool(window.shell.autosaves.leftovers),
         ),
     ]
@@ -31,22 +32,22 @@ def edit_commands(window: MainWindow) -> list[Command]:
     return [
         Command(
             "panel.history",
-            "History",
+            tr("History"),
             window.shell.show_history,
             "Edit",
             "Ctrl+H",
             "ph.clock-counter-clockwise",
-            "Show all changes; a click goes back or forth to one",
+            tr("Show all changes; a click goes back or forth to one"),
             checked=lambda: not window.shell.history_dock.isHidden(),
         ),
         Command(
             "window.preferences",
-            "Preferences…",
+            tr("Preferences…"),
             window.shell.open_preferences,
             "Edit",
             "Ctrl+,",
             "ph.gear",
-            "Theme, processes, autosave",
+            tr("Theme, processes, autosave"),
             separated=True,
         ),
     ]
@@ -57,22 +58,22 @@ def dock_commands(window: MainWindow) -> list[Command]:
     return [
         Command(
             "panel.bodies",
-            "Gallery",
+            tr("Gallery"),
             window.shell.show_gallery,
             "View",
             "Ctrl+I",
             "ph.squares-four",
-            "Show or hide the pictures of all grains, avatars and clones",
+            tr("Show or hide the pictures of all grains, avatars and clones"),
             checked=lambda: not window.shell.gallery.dock.isHidden(),
         ),
         Command(
             "panel.log",
-            "Messages and log",
+            tr("Messages and log"),
             window.shell.show_log,
             "View",
             "Ctrl+Shift+M",
             "ph.list-bullets",
-            "Show or hide what was said so far",
+            tr("Show or hide what was said so far"),
             checked=lambda: not window.shell.log_dock.isHidden(),
         ),
     ]
@@ -83,29 +84,29 @@ def help_commands(window: MainWindow) -> list[Command]:
     return [
         Command(
             "help.guide",
-            "Guide to this station",
+            tr("Guide to this station"),
             lambda: window.shell.open_guide(),
             "Help",
             "F1",
             "ph.question",
-            "Open the user guide where it speaks of the station that is open",
+            tr("Open the user guide where it speaks of the station that is open"),
         ),
         Command(
             "help.shortcuts",
-            "Keyboard shortcuts",
+            tr("Keyboard shortcuts"),
             window.shell.open_shortcuts,
             "Help",
             "?",
             "ph.keyboard",
-            "Show all shortcuts on one sheet",
+            tr("Show all shortcuts on one sheet"),
         ),
         Command(
             "help.tour",
-            "Tour in five steps",
+            tr("Tour in five steps"),
             window.shell.start_tour,
             "Help",
             "",
             "ph.map-trifold",
-            "Show what stands where",
+            tr("Show what stands where"),
         ),
     ]

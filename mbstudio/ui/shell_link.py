@@ -11,6 +11,7 @@ from mbstudio.core.batch.processes import limit_processes
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave
 from mbstudio.ui.gallery_link import GalleryLink
+from mbstudio.ui.language import tr
 from mbstudio.ui.layout_memory import LayoutMemory
 from mbstudio.ui.memory import give_back_unused, memory_used
 from mbstudio.ui.widgets.history_list import HistoryList
@@ -44,15 +45,15 @@ class ShellLink(QObject):
         self.memory = LayoutMemory(window)
         self.history, self.log = HistoryList(window.theme, window.icons), LogPanel(window.icons)
         areas = Qt.DockWidgetArea
-        self.history_dock = self._dock("history", "History", self.history, areas.RightDockWidgetArea)
-        self.log_dock = self._dock("log", "Messages", self.log, areas.BottomDockWidgetArea)
+        self.history_dock = self._dock("history", tr("History"), self.history, areas.RightDockWidgetArea)
+        self.log_dock = self._dock("log", tr("Messages"), self.log, areas.BottomDockWidgetArea)
         self.gallery = GalleryLink(window, self._dock)
         self._guide: Guide | None = None
         self._sheet: CheatSheet | None = None
         self._preferences: Preferences | None = None
         self._tour: TourCard | None = None
         self._used = QLabel()
-        self._used.setToolTip("Memory that MetaBall Studio holds")
+        self._used.setToolTip(tr("Memory that MetaBall Studio holds"))
         self._watch = QTimer(self)
         self._watch.timeout.connect(self._show_memory)
         for station, panel in window.panels.items():
@@ -131,8 +132,12 @@ class ShellLink(QObject):
             note = found[0].note
             self._window.messages.say(
                 "warning",
-                f"MetaBall Studio ended before “{note.title}” was saved ({age(note.saved)}).",
-                "Restore",
+                tr(
+                    "MetaBall Studio ended before “{project}” was saved ({age}).",
+                    project=note.title,
+                    age=age(note.saved),
+                ),
+                tr("Restore"),
                 lambda: self.restore(found[0]),
             )
         self._window.refresh()
@@ -213,34 +218,44 @@ def tour_steps(window: MainWindow) -> list[TourStep]:
     """Return the five steps of the tour."""
     return [
         TourStep(
-            "From a scan to particles",
-            "MetaBall Studio finds the grains of a CT scan and fits a body to each that DEM can calculate "
-            "with. Without a scan at hand, “Try the sample” makes one.",
+            tr("From a scan to particles"),
+            tr(
+                "MetaBall Studio finds the grains of a CT scan and fits a body to each that DEM can "
+                "calculate with. Without a scan at hand, “Try the sample” makes one."
+            ),
             lambda: None,
         ),
         TourStep(
-            "Stations, from top to bottom",
-            "Scan, Grains and Fit come first; Populations compares, Style and Latent make new grains, Export "
-            "writes files for your engine. Ctrl+1 to Ctrl+7 go there.",
+            tr("Stations, from top to bottom"),
+            tr(
+                "Scan, Grains and Fit come first; Populations compares, Style and Latent make new grains, "
+                "Export writes files for your engine. Ctrl+1 to Ctrl+7 go there."
+            ),
             lambda: window.rail,
         ),
         TourStep(
-            "One panel, one main action",
-            "Settings of the station stand here, its blue button at the foot does the work. The question "
-            "mark opens the guide where it speaks of this station.",
+            tr("One panel, one main action"),
+            tr(
+                "Settings of the station stand here, its blue button at the foot does the work. The "
+                "question mark opens the guide where it speaks of this station."
+            ),
             lambda: window._stack,
         ),
         TourStep(
-            "One selection everywhere",
-            "A click on a grain in the view, in the table or in a plot chooses it in all of them. Drag to "
-            "turn the view, use the wheel to zoom.",
+            tr("One selection everywhere"),
+            tr(
+                "A click on a grain in the view, in the table or in a plot chooses it in all of them. "
+                "Drag to turn the view, use the wheel to zoom."
+            ),
             lambda: window._pages,
         ),
         TourStep(
-            "Nothing gets lost",
-            "Work runs in the background and can be cancelled at the lower edge. Everything can be undone, "
-            "and after a crash you are offered what was not saved. Press ? for all shortcuts, Ctrl+K for any "
-            "command.",
+            tr("Nothing gets lost"),
+            tr(
+                "Work runs in the background and can be cancelled at the lower edge. Everything can be "
+                "undone, and after a crash you are offered what was not saved. Press ? for all shortcuts, "
+                "Ctrl+K for any command."
+            ),
             lambda: window.statusBar(),
         ),
     ]

@@ -12,6 +12,7 @@ from mbstudio.scene.annotations import readable_length
 from mbstudio.scene.picking import sight
 from mbstudio.scene.slice_grip import SliceGrip
 from mbstudio.scene.slices import AXES, Axis
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.slice_dock import PLANES, axes_of
 
 if TYPE_CHECKING:
@@ -148,8 +149,8 @@ class SliceLink(QObject):
                 AXES, np.array(scan.origin) + np.array(scan.voxel_size.xyz) * (x, y, z), strict=True
             )
         )
-        words = [*places, f"grey {scan.voxels[z, y, x]:.6g}"]
+        words = [*places, tr("grey {value:.6g}", value=scan.voxels[z, y, x])]
         if grains is not None and grains.labels.shape == scan.shape:
             label = int(grains.labels[z, y, x])
-            words.append(f"grain {label}" if label else "no grain")
+            words.append(tr("grain {label}", label=label) if label else tr("no grain"))
         self.readout.setText("   ".join(words))

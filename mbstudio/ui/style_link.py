@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.gallery import tray_surface
+from mbstudio.ui.language import tr
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.workers import Task
 
@@ -101,12 +102,12 @@ class StyleLink(QObject):
                     self._share()
         elif clones is None:
             self._dock.quality.say(
-                "Generate clones: how like their parents they are, and how new, appears here."
+                tr("Generate clones: how like their parents they are, and how new, appears here.")
             )
         elif self._clones.is_assessing:
-            self._dock.quality.say("The clones are being compared with their parents …")
+            self._dock.quality.say(tr("The clones are being compared with their parents …"))
         else:
-            self._dock.quality.say("The clones have not been compared with their parents yet.")
+            self._dock.quality.say(tr("The clones have not been compared with their parents yet."))
         self._assessed = assessed
 
     def _selected(self) -> None:
@@ -153,7 +154,7 @@ class StyleLink(QObject):
         # Software draws every triangle on the processor, in the main thread.
         cells = (36 if len(rows) <= 30 else 24) if self._window.viewport.kind == "OpenGL" else 20
         task = Task(
-            "Drawing the clones",
+            tr("Drawing the clones"),
             lambda control: tray_surface(
                 [clones.clones.avatar(i) for i in rows], first + 1, aspect=aspect, scale=scale,
                 cells=cells,
@@ -173,14 +174,16 @@ class StyleLink(QObject):
 
     def ask_meshes(self) -> None:
         """Let the person choose a folder of meshes to learn from."""
-        name = QFileDialog.getExistingDirectory(self._window, "Folder of meshes", self._window.files.folder())
+        name = QFileDialog.getExistingDirectory(
+            self._window, tr("Folder of meshes"), self._window.files.folder()
+        )
         if name:
             self._panel.learn.folder.setText(name)
 
     def ask_style(self) -> None:
         """Let the person choose the folder of a style-learner."""
         name = QFileDialog.getExistingDirectory(
-            self._window, "Open style-learner", self._window.files.folder()
+            self._window, tr("Open style-learner"), self._window.files.folder()
         )
         if name:
             self._styles.open(Path(name))
@@ -188,7 +191,7 @@ class StyleLink(QObject):
     def ask_folder(self) -> None:
         """Let the person choose where the style-learner is saved."""
         name = QFileDialog.getExistingDirectory(
-            self._window, "Empty folder for the style-learner", self._window.files.folder()
+            self._window, tr("Empty folder for the style-learner"), self._window.files.folder()
         )
         if name:
             self._styles.save(Path(name))
@@ -196,7 +199,10 @@ class StyleLink(QObject):
     def ask_report(self) -> None:
         """Ask for a file and write the report on the clones to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window, "Write report", self._window.files.folder("clones.html"), "HTML page (*.html)"
+            self._window,
+            tr("Write report"),
+            self._window.files.folder("clones.html"),
+            tr("HTML page (*.html)"),
         )
         if name:
             path = Path(name)
@@ -206,4 +212,6 @@ class StyleLink(QObject):
         """Write the report on the clones."""
         messages, task = self._window.messages, self._clones.write_report(path)
         if task is not None:
-            task.succeeded.connect(lambda _: messages.say("success", f"Wrote the report {path}."))
+            task.succeeded.connect(
+                lambda _: messages.say("success", tr("Wrote the report {path}.", path=path))
+            )

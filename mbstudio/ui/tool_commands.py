@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
+from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
@@ -28,12 +29,12 @@ def tool_commands(window: MainWindow) -> list[Command]:
     comparing = window.comparing
     side_by_side = Command(
         "view.side_by_side",
-        "Side by side: grain, avatar, clone",
+        tr("Side by side: grain, avatar, clone"),
         comparing.show,
         "Tools",
         "Ctrl+Alt+S",
         "ph.columns",
-        "Show grain, avatar and clone next to each other, turned together",
+        tr("Show grain, avatar and clone next to each other, turned together"),
         lambda: comparing.is_offered,
         lambda: comparing.is_shown,
         separated=True,
@@ -46,35 +47,35 @@ def _measuring(window: MainWindow) -> list[Command]:
     return [
         Command(
             "view.measure_distance",
-            "Measure a distance",
+            tr("Measure a distance"),
             partial(tools.measure, "distance"),
             "Tools",
             "Ctrl+Alt+D",
             "ph.ruler",
-            "Click two points of a surface or slice",
+            tr("Click two points of a surface or slice"),
             lambda: window.has_view,
             lambda: tools.measuring == "distance",
             separated=True,
         ),
         Command(
             "view.measure_angle",
-            "Measure an angle",
+            tr("Measure an angle"),
             partial(tools.measure, "angle"),
             "Tools",
             "Ctrl+Alt+A",
             "ph.triangle",
-            "Click three points, the second is the corner",
+            tr("Click three points, the second is the corner"),
             lambda: window.has_view,
             lambda: tools.measuring == "angle",
         ),
         Command(
             "view.measure_clear",
-            "Clear measurements",
+            tr("Clear measurements"),
             tools.clear,
             "Tools",
             "Esc",
             "ph.eraser",
-            "Take all measurements away and end measuring",
+            tr("Take all measurements away and end measuring"),
             # Esc belongs to the message above the view as long as there is one.
             lambda: tools.holds_measurements and not window.messages.text,
         ),
@@ -86,24 +87,24 @@ def _clipping(window: MainWindow) -> list[Command]:
     return [
         Command(
             "view.clip",
-            "Clipping box",
+            tr("Clipping box"),
             tools.clip,
             "Tools",
             "Ctrl+Alt+C",
             "ph.crop",
-            "Cut surfaces and volume open: drag the middles of the box's faces, or the sliders",
+            tr("Cut surfaces and volume open: drag the middles of the box's faces, or the sliders"),
             lambda: window.has_view,
             lambda: tools.is_clipping,
             separated=True,
         ),
         Command(
             "view.clip_reset",
-            "Reset the clipping box",
+            tr("Reset the clipping box"),
             tools.reset_clip,
             "Tools",
             "",
             "ph.arrows-out",
-            "Put its faces back to the ends of what is shown",
+            tr("Put its faces back to the ends of what is shown"),
             lambda: tools.is_clipping,
         ),
     ]
@@ -114,48 +115,55 @@ def _pictures(window: MainWindow) -> list[Command]:
     return [
         Command(
             "view.copy_picture",
-            "Copy picture of the view",
+            tr("Copy picture of the view"),
             pictures.copy,
             "Tools",
             "Ctrl+Alt+P",
             "ph.copy",
-            "Put the 3-D view into the clipboard",
+            tr("Put the 3-D view into the clipboard"),
             lambda: window.has_view,
             separated=True,
         ),
         Command(
             "view.turntable",
-            "Save turntable…",
+            tr("Save turntable…"),
             window.files.ask_turntable,
             "Tools",
             "",
             "ph.film-strip",
-            "Write the view turning once around: GIF, MP4 or a PNG for each frame",
+            tr("Write the view turning once around: GIF, MP4 or a PNG for each frame"),
             lambda: window.has_view and not pictures.is_turning,
         ),
         Command(
             "view.save_curve",
-            "Save convergence curve…",
+            tr("Save convergence curve…"),
             window.files.ask_curve,
             "Tools",
             "",
             "ph.chart-line",
-            "Save the curve of the chosen grain's fit as SVG, PNG or PDF",
+            tr("Save the curve of the chosen grain's fit as SVG, PNG or PDF"),
             lambda: window.workspace.selected in window.workspace.state.fits,
         ),
         *(
             Command(
                 f"view.picture_{scale}",
-                f"Pictures: {words}",
+                title,
                 partial(pictures.use_scale, scale),
                 "Tools",
                 "",
                 "",
-                f"Save, copy and turn the view with {scale} × {scale} pixels for each of the screen's"
+                tr(
+                    "Save, copy and turn the view with {scale} × {scale} pixels for each of the screen's",
+                    scale=scale,
+                )
                 if scale > 1
-                else "Save, copy and turn the view with as many pixels as the screen shows",
+                else tr("Save, copy and turn the view with as many pixels as the screen shows"),
                 checked=partial(pictures.has_scale, scale),
             )
-            for scale, words in ((1, "as on the screen"), (2, "twice as fine"), (4, "four times as fine"))
+            for scale, title in (
+                (1, tr("Pictures: as on the screen")),
+                (2, tr("Pictures: twice as fine")),
+                (4, tr("Pictures: four times as fine")),
+            )
         ),
     ]

@@ -5,42 +5,58 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from mbstudio.scene import VIEWS, Layer
+from mbstudio.scene import VIEWS, Layer, View
 from mbstudio.ui.commands import Command
+from mbstudio.ui.language import mark, tr
 
 if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
 STATIONS = (
-    ("scan", "Scan", "ph.stack", "The CT stack (Ctrl+1)"),
-    ("grains", "Grains", "ph.polygon", "Find the grains (Ctrl+2)"),
-    ("fit", "Fit", "ph.circles-three", "Fit avatars (Ctrl+3)"),
-    ("populations", "Populations", "ph.chart-bar", "Compare grains and avatars (Ctrl+4)"),
-    ("style", "Style", "ph.paint-brush", "Learn the form of grains, generate new ones (Ctrl+5)"),
-    ("latent", "Latent", "ph.sliders-horizontal", "Shape grains by hand (Ctrl+6)"),
-    ("export", "Export", "ph.export", "Write DEM files (Ctrl+7)"),
+    ("scan", mark("Scan"), "ph.stack", mark("The CT stack (Ctrl+1)")),
+    ("grains", mark("Grains"), "ph.polygon", mark("Find the grains (Ctrl+2)")),
+    ("fit", mark("Fit"), "ph.circles-three", mark("Fit avatars (Ctrl+3)")),
+    ("populations", mark("Populations"), "ph.chart-bar", mark("Compare grains and avatars (Ctrl+4)")),
+    ("style", mark("Style"), "ph.paint-brush", mark("Learn the form of grains, generate new ones (Ctrl+5)")),
+    ("latent", mark("Latent"), "ph.sliders-horizontal", mark("Shape grains by hand (Ctrl+6)")),
+    ("export", mark("Export"), "ph.export", mark("Write DEM files (Ctrl+7)")),
 )
 
 _LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
-    ("slices", "Slices", "ph.squares-four", "Slices through the scan"),
-    ("volume", "Volume", "ph.cube", "The whole scan as a cloud"),
-    ("grains", "All grains", "ph.polygon", "All grains, each in its colour"),
-    ("grain", "Grain", "ph.circle-half", "Surface of the chosen grain"),
-    ("avatar", "Avatar", "ph.circles-three", "Surface of the chosen grain's avatar"),
+    ("slices", mark("Slices"), "ph.squares-four", mark("Slices through the scan")),
+    ("volume", mark("Volume"), "ph.cube", mark("The whole scan as a cloud")),
+    ("grains", mark("All grains"), "ph.polygon", mark("All grains, each in its colour")),
+    ("grain", mark("Grain"), "ph.circle-half", mark("Surface of the chosen grain")),
+    ("avatar", mark("Avatar"), "ph.circles-three", mark("Surface of the chosen grain's avatar")),
     (
         "deviation",
-        "Deviation",
+        mark("Deviation"),
         "ph.thermometer",
-        "How far the avatar lies outside its grain, as colours",
+        mark("How far the avatar lies outside its grain, as colours"),
     ),
-    ("points", "Control points", "ph.dots-nine", "Control points of the avatar"),
-    ("avatars", "All avatars", "ph.selection-all", "All avatars where their grains lie"),
-    ("live", "Live grain", "ph.hand", "The grain under the hand"),
-    ("ghost_a", "Ghost of A", "ph.ghost", "Grain A, seen through"),
-    ("ghost_b", "Ghost of B", "ph.ghost", "Grain B, seen through"),
-    ("shape", "Export", "ph.circles-four", "Spheres or mesh that stand for the avatar in the export"),
-    ("envelope", "Avatar over it", "ph.circle-half", "The avatar itself, seen through"),
+    ("points", mark("Control points"), "ph.dots-nine", mark("Control points of the avatar")),
+    ("avatars", mark("All avatars"), "ph.selection-all", mark("All avatars where their grains lie")),
+    ("live", mark("Live grain"), "ph.hand", mark("The grain under the hand")),
+    ("ghost_a", mark("Ghost of A"), "ph.ghost", mark("Grain A, seen through")),
+    ("ghost_b", mark("Ghost of B"), "ph.ghost", mark("Grain B, seen through")),
+    (
+        "shape",
+        mark("Export"),
+        "ph.circles-four",
+        mark("Spheres or mesh that stand for the avatar in the export"),
+    ),
+    ("envelope", mark("Avatar over it"), "ph.circle-half", mark("The avatar itself, seen through")),
 )
+
+_FROM: dict[View, tuple[str, str]] = {
+    "isometric": (mark("View: isometric"), mark("Look at it from an upper corner")),
+    "front": (mark("View: front"), mark("Look at it from the front")),
+    "back": (mark("View: back"), mark("Look at it from the back")),
+    "left": (mark("View: left"), mark("Look at it from the left")),
+    "right": (mark("View: right"), mark("Look at it from the right")),
+    "top": (mark("View: top"), mark("Look at it from the top")),
+    "bottom": (mark("View: bottom"), mark("Look at it from the bottom")),
+}
 
 
 def view_commands(window: MainWindow) -> list[Command]:
@@ -49,24 +65,24 @@ def view_commands(window: MainWindow) -> list[Command]:
     commands = [
         Command(
             f"station.{name}",
-            f"Go to {title}",
+            tr("Go to {station}", station=tr(title)),
             partial(window.enter, name),
             "View",
             f"Ctrl+{number}",
             icon,
-            tip,
+            tr(tip),
         )
         for number, (name, title, icon, tip) in enumerate(STATIONS, 1)
     ]
     commands.append(
         Command(
             "view.fit",
-            "Fit view",
+            tr("Fit view"),
             link.fit_view,
             "View",
             "Home",
             "ph.frame-corners",
-            "Bring all that is shown into the picture",
+            tr("Bring all that is shown into the picture"),
             lambda: window.has_view,
             separated=True,
         )
@@ -74,12 +90,12 @@ def view_commands(window: MainWindow) -> list[Command]:
     commands += [
         Command(
             f"view.from_{view}",
-            f"View: {view}",
+            tr(_FROM[view][0]),
             partial(link.look_from, view),
             "View",
             f"Alt+{number}",
             "",
-            f"Look at it from the {view}" if view != "isometric" else "Look at it from an upper corner",
+            tr(_FROM[view][1]),
             lambda: window.has_view,
         )
         for number, view in enumerate(VIEWS, 1)
@@ -87,12 +103,12 @@ def view_commands(window: MainWindow) -> list[Command]:
     commands += [
         Command(
             f"layer.{layer}",
-            title,
+            tr(title),
             partial(link.show_layer, layer),
             "View",
             "",
             icon,
-            tip,
+            tr(tip),
             lambda: window.has_view,
             partial(link.is_shown, layer),
             separated=number == 0,
@@ -102,59 +118,61 @@ def view_commands(window: MainWindow) -> list[Command]:
     commands += [
         Command(
             "panel.table",
-            "Table of grains",
+            tr("Table of grains"),
             window.show_table,
             "View",
             "Ctrl+T",
             "ph.table",
-            "Show or hide the table of grains",
+            tr("Show or hide the table of grains"),
             checked=lambda: not window.table_dock.isHidden(),
             separated=True,
         ),
         Command(
             "panel.curve",
-            "Convergence curve",
+            tr("Convergence curve"),
             window.show_curve,
             "View",
             "",
             "ph.chart-line",
-            "Show or hide the convergence curve",
+            tr("Show or hide the convergence curve"),
             checked=lambda: not window.curve_dock.isHidden(),
         ),
         Command(
             "panel.slices",
-            "Slice views",
+            tr("Slice views"),
             window.slicing.show,
             "View",
             "Ctrl+Shift+L",
             "ph.columns",
-            "Show or hide the three slices as flat pictures, at stations Scan and Grains",
+            tr("Show or hide the three slices as flat pictures, at stations Scan and Grains"),
             lambda: window.slicing.is_offered,
             checked=lambda: not window.slices_dock.isHidden(),
         ),
         Command(
             "panel.plots",
-            "Plots of populations",
+            tr("Plots of populations"),
             window.show_plots,
             "View",
             "",
             "ph.chart-bar",
-            "Show or hide the plots at station Populations",
+            tr("Show or hide the plots at station Populations"),
             lambda: window.station == "populations",
             checked=lambda: not window.plots_dock.isHidden(),
         ),
         Command(
             "panel.style",
-            "Curves and clones",
+            tr("Curves and clones"),
             window.show_style_page,
             "View",
             "",
             "ph.chart-line-up",
-            "Show or hide curves, clones and quality at station Style",
+            tr("Show or hide curves, clones and quality at station Style"),
             lambda: window.station == "style",
             checked=lambda: not window.style_dock.isHidden(),
         ),
-        Command("panel.reset", "Reset layout", window.reset_layout, "View", "", "", "Put the panels back"),
+        Command(
+            "panel.reset", tr("Reset layout"), window.reset_layout, "View", "", "", tr("Put the panels back")
+        ),
     ]
     commands += [
         Command(
@@ -169,9 +187,14 @@ def view_commands(window: MainWindow) -> list[Command]:
             separated=choice == "system",
         )
         for choice, title, icon, tip in (
-            ("system", "Theme: as the system", "ph.circle-half", "Follow the system's light or dark theme"),
-            ("light", "Theme: light", "ph.sun", "Dark text on light"),
-            ("dark", "Theme: dark", "ph.moon", "Light text on dark"),
+            (
+                "system",
+                tr("Theme: as the system"),
+                "ph.circle-half",
+                tr("Follow the system's light or dark theme"),
+            ),
+            ("light", tr("Theme: light"), "ph.sun", tr("Dark text on light")),
+            ("dark", tr("Theme: dark"), "ph.moon", tr("Light text on dark")),
         )
     ]
     return commands

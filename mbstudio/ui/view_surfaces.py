@@ -21,6 +21,7 @@ from mbstudio.scene.surfaces import (
     label_surface,
 )
 from mbstudio.scene.volume import largest_texture, volume_voxels
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -82,6 +83,7 @@ class ViewSurfaces(QObject):
         if grains is not None:
             self._build(
                 "grains",
+                tr("Drawing the grains"),
                 lambda: label_surface(grains, self._overview),
                 lambda surface: self._scene.set_grains(surface, grains.unit),
                 lambda: grains is self._workspace.state.grains,
@@ -94,7 +96,8 @@ class ViewSurfaces(QObject):
             most = largest_texture(self._scene.plotter.render_window)
             longest = min(self._volume, most) if most else self._volume
             self._build(
-                "the volume",
+                "volume",
+                tr("Drawing the volume"),
                 lambda: volume_voxels(scan, longest),
                 self._scene.set_volume,
                 lambda: scan is self._workspace.scan,
@@ -133,7 +136,8 @@ class ViewSurfaces(QObject):
             self.factors_ready.emit(chosen.grain_factors, chosen.avatar_factors)
 
         self._build(
-            "the grain",
+            "grain",
+            tr("Drawing the grain"),
             make,
             take,
             lambda: (
@@ -157,7 +161,8 @@ class ViewSurfaces(QObject):
         self.clear_deviation()
         self._deviating = wanted
         self._build(
-            "the deviation",
+            "deviation",
+            tr("Drawing the deviation"),
             lambda: deviation_surface(fit.avatar, grains.grain(label)),
             self._scene.set_deviation,
             lambda: self._deviating is wanted,
@@ -175,7 +180,8 @@ class ViewSurfaces(QObject):
         self._scene.set_others(None)
         if grains is not None and wanted:
             self._build(
-                "chosen grains",
+                "chosen",
+                tr("Drawing chosen grains"),
                 lambda: label_surface(grains, self._overview, wanted),
                 self._scene.set_others,
                 lambda: grains is space.state.grains and wanted == space.chosen - {space.selected},
@@ -189,7 +195,8 @@ class ViewSurfaces(QObject):
             return
         unit = grains.unit if grains is not None else next(iter(fits.values())).avatar.unit
         self._build(
-            "the avatars",
+            "avatars",
+            tr("Drawing the avatars"),
             lambda: avatars_surface(
                 (fit.avatar for fit in fits.values()),
                 40 if len(fits) < 100 else 24 if len(fits) < 500 else 14,
@@ -199,14 +206,19 @@ class ViewSurfaces(QObject):
         )
 
     def _build(
-        self, key: str, make: Callable[[], Any], take: Callable[[Any], object], wanted: Callable[[], bool]
+        self,
+        key: str,
+        title: str,
+        make: Callable[[], Any],
+        take: Callable[[Any], object],
+        wanted: Callable[[], bool],
     ) -> None:
         def done(result: Any) -> None:
             if wanted():
                 take(result)
                 self.taken.emit()
 
-        task = Task(f"Drawing {key}", lambda control: make())
+        task = Task(title, lambda control: make())
         task.succeeded.connect(done)
         self._queue.submit(task, lane="view", key=key)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QEvent, QObject
 
 from mbstudio.scene.measurements import POINTS, Kind
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.clip_bar import ClipBar
 
@@ -14,9 +15,10 @@ if TYPE_CHECKING:
     from mbstudio.ui.main_window import MainWindow
 
 _HINTS = {
-    "distance": "Measure a distance: click two points of a surface or slice. Esc ends.",
-    "angle": "Measure an angle: click a point, the corner, and a third point. Esc ends.",
+    "distance": mark("Measure a distance: click two points of a surface or slice. Esc ends."),
+    "angle": mark("Measure an angle: click a point, the corner, and a third point. Esc ends."),
 }
+_MEASURED = {"distance": mark("Distance {value}."), "angle": mark("Angle {value}.")}
 
 
 class ViewTools(QObject):
@@ -70,7 +72,7 @@ class ViewTools(QObject):
         if self.measuring is None:
             self._window.statusBar().clearMessage()
         else:
-            self._window.statusBar().showMessage(_HINTS[kind])
+            self._window.statusBar().showMessage(tr(_HINTS[kind]))
         self._window.commands.refresh()
         self._link.draw()
 
@@ -84,14 +86,18 @@ class ViewTools(QObject):
             return
         point = self._scene.point_at(x, y)
         if point is None:
-            self._window.statusBar().showMessage("There is no surface or slice under the mouse.")
+            self._window.statusBar().showMessage(tr("There is no surface or slice under the mouse."))
             return
         measurement = self._scene.measurements.add_point(self.measuring, point)
-        words = _HINTS[self.measuring]
         if measurement.is_complete:
-            words = f"{self.measuring.capitalize()} {measurement.told(self._scene.unit)}. {words}"
+            measured = tr(_MEASURED[self.measuring], value=measurement.told(self._scene.unit))
+            words = f"{measured} {tr(_HINTS[self.measuring])}"
         else:
-            words = f"Point {len(measurement.points)} of {POINTS[self.measuring]}. Esc ends."
+            words = tr(
+                "Point {point} of {points}. Esc ends.",
+                point=len(measurement.points),
+                points=POINTS[self.measuring],
+            )
         self._window.statusBar().showMessage(words)
         self._window.commands.refresh()
         self._link.draw()

@@ -23,6 +23,7 @@ from mbstudio.scene import LAYERS
 from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.file_actions import FileActions
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.panels.export_panel import ExportPanel
 from mbstudio.ui.panels.fit_panel import FitPanel
 from mbstudio.ui.panels.grain_panel import GrainPanel
@@ -65,7 +66,7 @@ class ViewBar(QToolBar):
     """The bar above the view; where there is little room its layers are icons without words."""
 
     def __init__(self) -> None:
-        super().__init__("View")
+        super().__init__(tr("View"))
         self.worded: list[QToolButton] = []
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -122,7 +123,8 @@ class WindowLayout(QMainWindow):
             "latent": self.panels_latent,
             "export": self.panels_export,
         }
-        self.rail = Rail(list(STATIONS), self.icons)
+        stations = [(name, tr(title), icon, tr(tip)) for name, title, icon, tip in STATIONS]
+        self.rail = Rail(stations, self.icons)
         self._stack = QStackedWidget()
         for panel in self.panels.values():
             self._stack.addWidget(panel)
@@ -132,7 +134,7 @@ class WindowLayout(QMainWindow):
         layout.setSpacing(0)
         layout.addWidget(self.rail)
         layout.addWidget(self._stack)
-        self.side_dock = self._dock("side", "Stations", side, Qt.DockWidgetArea.LeftDockWidgetArea)
+        self.side_dock = self._dock("side", tr("Stations"), side, Qt.DockWidgetArea.LeftDockWidgetArea)
         self.side_dock.setTitleBarWidget(QWidget())
         self.side_dock.setFeatures(QDockWidget.DockWidgetFeature.NoDockWidgetFeatures)
         # The rail reaches down to the status bar; table and curve lie beside it.
@@ -142,21 +144,21 @@ class WindowLayout(QMainWindow):
         self.table = GrainTable()
         self.curve = ConvergenceCurve(self.theme)
         bottom = Qt.DockWidgetArea.BottomDockWidgetArea
-        self.table_dock = self._dock("table", "Grains", self.table, bottom)
-        self.curve_dock = self._dock("curve", "Convergence", self.curve, bottom)
+        self.table_dock = self._dock("table", tr("Grains"), self.table, bottom)
+        self.curve_dock = self._dock("curve", tr("Convergence"), self.curve, bottom)
         self.splitDockWidget(self.table_dock, self.curve_dock, Qt.Orientation.Horizontal)
         self.plots = PopulationDock(self.theme, self.icons)
         self.sweep = SweepDock(self.workspace, self.sweeps, self.theme)
         self.style_page = StyleDock(self.theme)
-        self.style_dock = self._dock("style", "Style", self.style_page, bottom)
+        self.style_dock = self._dock("style", tr("Style"), self.style_page, bottom)
         right = Qt.DockWidgetArea.RightDockWidgetArea
-        self.plots_dock = self._dock("plots", "Plots of populations", self.plots, right)
-        self.sweep_dock = self._dock("sweep", "Sweep over n", self.sweep, right)
+        self.plots_dock = self._dock("plots", tr("Plots of populations"), self.plots, right)
+        self.sweep_dock = self._dock("sweep", tr("Sweep over n"), self.sweep, right)
         self.studio, self.gallery = LatentDock(self.theme, self.icons), Gallery(self.icons)
-        self.studio_dock = self._dock("studio", "Latent studio", self.studio, right)
-        self.gallery_dock = self._dock("gallery", "Gallery", self.gallery, bottom)
+        self.studio_dock = self._dock("studio", tr("Latent studio"), self.studio, right)
+        self.gallery_dock = self._dock("gallery", tr("Gallery"), self.gallery, bottom)
         self.slice_panes = SliceDock(self.theme)
-        self.slices_dock = self._dock("slices", "Slices", self.slice_panes, right)
+        self.slices_dock = self._dock("slices", tr("Slices"), self.slice_panes, right)
         # Plots need the height more than the table needs the width.
         self.setCorner(Qt.Corner.BottomRightCorner, right)
         for dock in (
@@ -187,8 +189,8 @@ class WindowLayout(QMainWindow):
         layout.addWidget(label(dock.windowTitle(), "heading"), 1)
         close = QToolButton()
         self.icons.set(close, "ph.x")
-        close.setToolTip(f"Hide (menu View brings “{dock.windowTitle()}” back)")
-        close.setAccessibleName(f"Hide {dock.windowTitle()}")
+        close.setToolTip(tr("Hide (menu View brings “{panel}” back)", panel=dock.windowTitle()))
+        close.setAccessibleName(tr("Hide {panel}", panel=dock.windowTitle()))
         close.clicked.connect(dock.hide)
         close.clicked.connect(self.refresh)
         layout.addWidget(close)
@@ -222,8 +224,8 @@ class WindowLayout(QMainWindow):
             self.view_bar.addSeparator()
         views = QToolButton()
         self.icons.set(views, "ph.video-camera")
-        views.setToolTip("Look from …")
-        views.setAccessibleName("Camera presets")
+        views.setToolTip(tr("Look from …"))
+        views.setAccessibleName(tr("Camera presets"))
         views.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(views)
         for command in self.commands:
@@ -247,8 +249,8 @@ class WindowLayout(QMainWindow):
     def _tools_button(self) -> QToolButton:
         button = QToolButton()
         self.icons.set(button, "ph.ruler")
-        button.setToolTip("Measure, clip, compare …")
-        button.setAccessibleName("Tools of the view")
+        button.setToolTip(tr("Measure, clip, compare …"))
+        button.setAccessibleName(tr("Tools of the view"))
         button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(button)
         for name in TOOLS:
@@ -257,13 +259,13 @@ class WindowLayout(QMainWindow):
         return button
 
     def _make_menus(self) -> None:
-        self._menus = {name: self.menuBar().addMenu(f"&{name}") for name in MENUS}
+        self._menus = {name: self.menuBar().addMenu(f"&{tr(name)}") for name in MENUS}
         for command in self.commands:
             menu = self._menus[command.menu]
             if command.separated:
                 menu.addSeparator()
             if command.id == "project.new":
-                self._recent_menu = menu.addMenu("Open recent")
+                self._recent_menu = menu.addMenu(tr("Open recent"))
                 menu.addSeparator()
             menu.addAction(self.commands.action(command.id))
 
@@ -326,6 +328,6 @@ class WindowLayout(QMainWindow):
         paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
         event.acceptProposedAction()
         if len(paths) != 1:
-            self.messages.say("warning", "Drop one file or one folder of slices at a time.")
+            self.messages.say("warning", tr("Drop one file or one folder of slices at a time."))
         else:
             self.files.open_path(paths[0])

@@ -6,6 +6,7 @@ import logging
 from typing import TYPE_CHECKING
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.ui.language import tr
 from mbstudio.ui.workers import Task
 
 if TYPE_CHECKING:
@@ -115,9 +116,17 @@ class WindowWiring:
         if isinstance(error, MbstudioError):
             self.window.messages.say("error", str(error))
         elif isinstance(error, OSError | MemoryError):
-            self.window.messages.say("error", f"{task.title} failed: {error or 'not enough memory'}.")
+            reason = str(error) or tr("not enough memory")
+            told = tr("{task} failed: {reason}.", task=task.title, reason=reason)
+            self.window.messages.say("error", told)
         else:
             log.error("%s failed", task.title, exc_info=error)
             self.window.messages.say(
-                "error", f"{task.title} failed by a mistake in mbstudio ({type(error).__name__}: {error})."
+                "error",
+                tr(
+                    "{task} failed by a mistake in mbstudio ({kind}: {error}).",
+                    task=task.title,
+                    kind=type(error).__name__,
+                    error=error,
+                ),
             )

@@ -12,6 +12,7 @@ from PySide6.QtCore import QObject, QSettings, Signal
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
 from mbstudio.core.scan import Scan
+from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.generation import Generation
@@ -90,7 +91,7 @@ class Workspace(QObject):
     @property
     def title(self) -> str:
         """Name of the project file, or what an unsaved project is called."""
-        return self.project.path.name if self.project.path else "Untitled project"
+        return self.project.path.name if self.project.path else tr("Untitled project")
 
     # ---- changing ----------------------------------------------------------------------------
 
@@ -109,10 +110,10 @@ class Workspace(QObject):
         self._coalescing = title if coalesce else None
         self._announce()
 
-    def use_scan(self, scan: Scan, reference: ScanReference, title: str = "Open scan") -> None:
+    def use_scan(self, scan: Scan, reference: ScanReference, title: str = "") -> None:
         """Begin with a scan whose reference a worker has made."""
         self._scans[reference.digest] = scan
-        self.project.use_scan(scan, title=title, reference=reference)
+        self.project.use_scan(scan, title=title or tr("Open scan"), reference=reference)
         self._announce()
 
     def give_scan(self, scan: Scan) -> None:
@@ -128,19 +129,19 @@ class Workspace(QObject):
         self.project.add_fits(fits, title)
         self._announce()
 
-    def use_style(self, learner: StyleLearner | None, title: str = "Learn style") -> None:
+    def use_style(self, learner: StyleLearner | None, title: str = "") -> None:
         """Work with another style-learner, as one step of undo; clones of the one before go."""
-        self.change(title, style=learner, clones=None)
+        self.change(title or tr("Learn style"), style=learner, clones=None)
 
-    def use_clones(self, clones: Generation | None, title: str = "Generate clones") -> None:
+    def use_clones(self, clones: Generation | None, title: str = "") -> None:
         """Take over clones, as one step of undo."""
-        self.change(title, clones=clones)
+        self.change(title or tr("Generate clones"), clones=clones)
 
     def change_fit_settings(self, **changes: Any) -> None:
         """Change what the next fit will use."""
         fit_settings: FitSettings = replace(self.state.fit_settings, **changes)
         if fit_settings != self.state.fit_settings:
-            self.change("Change fit settings", coalesce=True, fit_settings=fit_settings)
+            self.change(tr("Change fit settings"), coalesce=True, fit_settings=fit_settings)
 
     def undo(self) -> None:
         """Take the last change back."""

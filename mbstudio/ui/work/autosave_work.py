@@ -11,6 +11,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer, Signal
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave, Project, ProjectState
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.fit_work import FitWork
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Task, TaskQueue
@@ -111,7 +112,7 @@ class AutosaveWork(Work):
             self._own = autosave  # here, so that a window that closes meanwhile removes it
             autosave.write(state, path, scan.voxels if embedded and scan is not None else None)
 
-        self._task = Task("Autosave", work)
+        self._task = Task(tr("Autosave"), work)
         self._task.handled = (MbstudioError, OSError)
         self._task.succeeded.connect(lambda _: self._written(state))
         self._task.failed.connect(self._failed)
@@ -136,7 +137,11 @@ class AutosaveWork(Work):
         if not self._has_complained:  # once, not every half minute
             self._has_complained = True
             self.said.emit(
-                "warning", f"Autosave does not work: {error} Save the project yourself until this is mended."
+                "warning",
+                tr(
+                    "Autosave does not work: {error} Save the project yourself until this is mended.",
+                    error=error,
+                ),
             )
         self._changed()
 
@@ -150,7 +155,7 @@ class AutosaveWork(Work):
             self._held = list(Autosave.left_behind(autosave_folder()))
             return self._held
 
-        task = Task("Looking for unsaved work", work)
+        task = Task(tr("Looking for unsaved work"), work)
         task.handled = (OSError,)
         task.succeeded.connect(self._take_leftovers)
         task.failed.connect(lambda error: log.warning("No look for unsaved work: %s", error))
@@ -170,7 +175,9 @@ class AutosaveWork(Work):
 
     def restore(self, autosave: Autosave) -> Task:
         """Bring the work of an ended program back, as an unsaved project."""
-        task = Task(f"Restoring {autosave.note.title}", lambda control: autosave.restore())
+        task = Task(
+            tr("Restoring {project}", project=autosave.note.title), lambda control: autosave.restore()
+        )
         task.succeeded.connect(lambda project: self._restored(autosave, project))
         task.ended.connect(self._end_restoring)
         self._is_restoring = True
@@ -191,7 +198,12 @@ class AutosaveWork(Work):
         self.workspace.replace_project(project)
         self.said.emit(
             "success",
-            f"Restored {note.title}: {note.grains} grains, {note.fits} avatars. Save it to keep it.",
+            tr(
+                "Restored {project}: {grains} grains, {avatars} avatars. Save it to keep it.",
+                project=note.title,
+                grains=note.grains,
+                avatars=note.fits,
+            ),
         )
         self.found.emit(list(self.leftovers))
         self.restored.emit(project)

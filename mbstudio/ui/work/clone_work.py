@@ -12,6 +12,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.populations import Population
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -122,13 +123,13 @@ class CloneWork(Work):
 
             from mbstudio.core.vae.generator import generate
 
-            control.report(0.0, "Drawing candidates")
+            control.report(0.0, tr("Drawing candidates"))
             return generate(
                 learner, count, seed, targets=list(where) or None, processes=_processes(count),
                 on_progress=control.progress,
             )  # fmt: skip
 
-        task = Task(f"Generating {count} clones", work)
+        task = Task(tr("Generating {count} clones", count=count), work)
         # What cannot be had is said where it was asked for.
         task.handled = (GenerationError,)
         task.failed.connect(self._refuse)
@@ -158,12 +159,19 @@ class CloneWork(Work):
     def _take(self, found: Generation, learner: StyleLearner) -> None:
         if learner is not self.workspace.style:
             return
-        self.workspace.use_clones(found, f"Generate {len(found)} clones")
+        self.workspace.use_clones(found, tr("Generate {count} clones", count=len(found)))
         missed = [figure for figure in found.reached if not figure.met]
-        told = f"{len(found)} clones of {found.counts.candidates} candidates, every one a valid body."
+        told = [
+            tr(
+                "{clones} clones of {candidates} candidates, every one a valid body.",
+                clones=len(found),
+                candidates=found.counts.candidates,
+            )
+        ]
         if missed:
-            told += f" Not quite reached: {', '.join(figure.what for figure in missed)}."
-        self.said.emit("warning" if missed else "success", told)
+            names = ", ".join(figure.what for figure in missed)
+            told.append(tr("Not quite reached: {figures}.", figures=names))
+        self.said.emit("warning" if missed else "success", " ".join(told))
         self.assess()
 
     # ---- comparing -------------------------------------------------------------------------------
@@ -175,7 +183,9 @@ class CloneWork(Work):
             return None
         if self.assessed is not None and self.assessed.clones is clones:
             return None
-        task = Task("Comparing clones and parents", lambda control: self._compared(learner, clones, control))
+        task = Task(
+            tr("Comparing clones and parents"), lambda control: self._compared(learner, clones, control)
+        )
         task.succeeded.connect(self._keep)
         for signal in (task.started, task.ended):
             signal.connect(self.changed)
@@ -203,7 +213,7 @@ class CloneWork(Work):
             )  # fmt: skip
             return found
 
-        task = Task(f"Writing {path.name}", work)
+        task = Task(tr("Writing {name}", name=path.name), work)
         task.succeeded.connect(self._keep)
         return self.queue.submit(task)
 
@@ -227,7 +237,7 @@ class CloneWork(Work):
                 progress=lambda done, told: control.progress(0.7 * share * done, told),
             )  # fmt: skip
             self._parents = learner, parents
-        control.progress(0.7 * share, "Comparing")
+        control.progress(0.7 * share, tr("Comparing"))
         assert clones.factors is not None
         quality = assess(learner.parents, parents, clones.clones, clones.factors, counts=clones.counts)
         return Assessed(learner, clones, parents, quality)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.kept_grain import to_export
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task
 
@@ -20,6 +21,12 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.kept_grain import KeptGrain
     from mbstudio.core.vae.style_learner import StyleLearner
 
+_COUNTED = {
+    "avatar": (mark("1 avatar"), mark("{n} avatars")),
+    "clone": (mark("1 clone"), mark("{n} clones")),
+    "kept grain": (mark("1 kept grain"), mark("{n} kept grains")),
+}
+
 
 @dataclass(frozen=True, eq=False)
 class ChosenAvatars:
@@ -29,8 +36,8 @@ class ChosenAvatars:
     ----------
     named : tuple of (str, Avatar)
         Each with the name of its file.
-    what : str
-        What one of them is called.
+    what : {'avatar', 'clone', 'kept grain'}
+        What they are.
     attachments : mapping of str to str
         Files that go with them.
     """
@@ -78,7 +85,8 @@ class ExportWork(Work):
         given : mapping
             Unit, density, overwrite, specimen, and under ``options`` the target's own.
         """
-        told = f"{len(chosen)} {chosen.what}{'s' if len(chosen) != 1 else ''}"
+        one, many = _COUNTED[chosen.what]
+        told = tr(one) if len(chosen) == 1 else tr(many, n=len(chosen))
         names = [name for name, _ in chosen.named]
         avatars = [avatar for _, avatar in chosen.named]
         plain = {key: value for key, value in given.items() if key != "options"}
@@ -89,17 +97,28 @@ class ExportWork(Work):
                 attachments=chosen.attachments, **plain, **given["options"],
             )  # fmt: skip
 
-        task = Task(f"Exporting {told}", work)
+        task = Task(tr("Exporting {avatars}", avatars=told), work)
         task.succeeded.connect(lambda report: self._tell(report, told, given["unit"]))
         return self.queue.submit(task)
 
     def _tell(self, report: Any, avatars: str, unit: str | None) -> None:
-        lengths = f" in {unit_label(unit)}" if unit else ""
-        wrote = (
-            f"Wrote {avatars}{lengths} as {len(report.files)} files to {report.folder}; each was read back."
-        )
-        if report.warnings:
-            further = f" (and {len(report.warnings) - 1} more)" if len(report.warnings) > 1 else ""
-            self.said.emit("warning", f"{wrote} {report.warnings[0]}{further}")
+        files, folder = len(report.files), report.folder
+        if unit:
+            wrote = tr(
+                "Wrote {avatars} in {unit} as {files} files to {folder}; each was read back.",
+                avatars=avatars,
+                unit=unit_label(unit),
+                files=files,
+                folder=folder,
+            )
         else:
-            self.said.emit("success", wrote)
+            wrote = tr(
+                "Wrote {avatars} as {files} files to {folder}; each was read back.",
+                avatars=avatars,
+                files=files,
+                folder=folder,
+            )
+        told = [wrote, *map(str, report.warnings[:1])]
+        if len(report.warnings) > 1:
+            told.append(tr("(and {n} more)", n=len(report.warnings) - 1))
+        self.said.emit("warning" if report.warnings else "success", " ".join(told))

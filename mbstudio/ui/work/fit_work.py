@@ -12,9 +12,12 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.batch import fit_many
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging import FitResult, FitTarget, start_fit
+from mbstudio.core.imaging import FitResult, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
 from mbstudio.scene.surfaces import Surface, avatar_surface, control_points
+from mbstudio.ui.language import tr
+from mbstudio.ui.work.fit_words import fit_told, fraction_told, many_told, target_fraction_told
+from mbstudio.ui.work.fit_words import reaches as reaches
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -124,7 +127,7 @@ class FitWork(Work):
         waits = self.shows_spheres and not settings.target
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
-            control.report(-1.0 if settings.target else 0.0, "Preparing the grain")
+            control.report(-1.0 if settings.target else 0.0, tr("Preparing the grain"))
             fitting.run = start_fit(
                 fitting.grain, settings.n, settings.method, settings.seed, target=settings.target or None,
                 **settings.options,
@@ -132,7 +135,7 @@ class FitWork(Work):
             return _drive(fitting, min(SPHERE, SPHERES / settings.n) if waits else 0.0)
 
         self.began.emit(label)
-        task = self._start(f"Fitting grain {label}", steps, fitting)
+        task = self._start(tr("Fitting grain {label}", label=label), steps, fitting)
         task.cancelled.connect(lambda: self._give_up(fitting))
         return task
 
@@ -150,7 +153,7 @@ class FitWork(Work):
             run.more_generations(generations)
             return _drive(fitting)
 
-        return self._start(f"Fitting grain {fitting.label}", steps, fitting)
+        return self._start(tr("Fitting grain {label}", label=fitting.label), steps, fitting)
 
     def change_n(self, n: int) -> None:
         """Change the number of control points of the fit that runs, from its next step on."""
@@ -165,7 +168,7 @@ class FitWork(Work):
                 fitting.run.change_control_points(n)
                 fitting.n, fitting.target = n, ""
             except FitError as error:  # the fit that runs is not to be lost by it
-                fitting.refusal = f"{error} The fit goes on with n = {fitting.n}."
+                fitting.refusal = tr("{error} The fit goes on with n = {n}.", error=error, n=fitting.n)
 
         task.call_between_steps(change)
 
@@ -224,21 +227,10 @@ class FitWork(Work):
         if not isinstance(last, _Finished) or fitting is not self._fitting:
             return
         result = last.result
-        self.workspace.add_fits({fitting.label: result}, f"Fit grain {fitting.label}")
+        self.workspace.add_fits({fitting.label: result}, tr("Fit grain {label}", label=fitting.label))
         verdict = result.verdict
-        if verdict.valid:
-            told = (
-                f"valid avatar of {result.avatar.n} control points, volume "
-                f"{100 * verdict.volume_error:+.2f} %."
-            )
-            if result.target and reaches(result):
-                told += f" It reaches the target: {FitTarget.parse(result.target).told(result.reached)}."
-        else:
-            told = " ".join(verdict.reasons)
-        self.said.emit(
-            "success" if verdict.valid and not verdict.warnings else "warning",
-            " ".join((f"Grain {fitting.label}: {told}", *verdict.warnings)),
-        )
+        level = "success" if verdict.valid and not verdict.warnings else "warning"
+        self.said.emit(level, " ".join((fit_told(fitting.label, result), *verdict.warnings)))
 
     # ---- many grains ---------------------------------------------------------------------------
 
@@ -266,7 +258,7 @@ class FitWork(Work):
         arrived: list[Any] = []
 
         def steps(control: Control) -> Iterator[tuple[int, Any]]:
-            control.report(0.0, "Starting processes")
+            control.report(0.0, tr("Starting processes"))
             items = fit_many(
                 grains, wanted, n=settings.n, method=settings.method, seed=settings.seed,
                 options=settings.options, target=settings.target or None,
@@ -274,9 +266,12 @@ class FitWork(Work):
             return _count(items, arrived)
 
         task = Task(
-            f"Fitting {len(wanted)} grains",
+            tr("Fitting {count} grains", count=len(wanted)),
             steps,
-            fraction=lambda step: (step[0] / len(wanted), f"{step[0]} of {len(wanted)} grains"),
+            fraction=lambda step: (
+                step[0] / len(wanted),
+                tr("{done} of {count} grains", done=step[0], count=len(wanted)),
+            ),
         )
         self._arrived = (grains, arrived)
         task.reported.connect(lambda _: self.arrived.emit())
@@ -294,37 +289,15 @@ class FitWork(Work):
             return
         fits = {item.label: item.result for item in items if item.result is not None}
         if fits:
-            self.workspace.add_fits(fits, f"Fit {len(fits)} grains")
+            self.workspace.add_fits(fits, tr("Fit {count} grains", count=len(fits)))
         failed = [item for item in items if item.result is None]
-        bad = [label for label, fit in fits.items() if not fit.verdict.valid]
-        text = f"{len(fits)} grains fitted, {len(fits) - len(bad)} of the avatars valid."
-        aimed = [fit for fit in fits.values() if fit.target]
-        if aimed:
-            text += f" {sum(reaches(fit) for fit in aimed)} of {len(aimed)} reach the target."
-        if bad:
-            text += f" Not valid: grain {_listed(bad)}. More control points usually cure it."
-        warned = [label for label, fit in fits.items() if fit.verdict.warnings]
-        if warned:
-            text += f" With warnings: grain {_listed(warned)}: {' '.join(fits[warned[0]].verdict.warnings)}"
-        if failed:
-            text += f" {len(failed)} could not be fitted: grain {failed[0].label}: {failed[0].error}"
-        self.said.emit("warning" if bad or failed or warned else "success", text)
+        self.said.emit(*many_told(fits, failed))
 
     def _forget(self) -> None:
         if self._task is not None and not self._task.is_over:
             self._task.cancel()
         self._fitting = None
         self.changed.emit()
-
-
-def reaches(fit: FitResult) -> bool:
-    """Return whether a fit has reached the target that it was made for."""
-    return bool(fit.target and fit.reached) and FitTarget.parse(fit.target).is_met(fit.reached)
-
-
-def _listed(labels: list[int]) -> str:
-    shown = ", ".join(str(label) for label in labels[:6])
-    return shown if len(labels) <= 6 else f"{shown} and {len(labels) - 6} more"
 
 
 def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Finished]:
@@ -361,17 +334,8 @@ def _prepare(step: SearchStep | _Finished) -> LiveAvatar | None:
 
 
 def _fraction(step: SearchStep | _Finished) -> tuple[float, str]:
-    if isinstance(step, _Finished):
-        return 1.0, "Done"
-    done = step.generation / max(step.generations, 1)
-    if step.phase == "clustering":
-        return 0.15 * done, f"Sphere {step.generation} of {step.generations}"
-    return 0.15 + 0.85 * done, f"Generation {step.generation} of at most {step.generations}"
+    return (1.0, tr("Done")) if isinstance(step, _Finished) else fraction_told(step)
 
 
 def _target_fraction(step: SearchStep | _Finished) -> tuple[float, str]:
-    """Nobody knows how many numbers a target takes: the bar only shows that work goes on."""
-    if isinstance(step, _Finished):
-        return 1.0, "Done"
-    number = step.note.partition(";")[0]
-    return -1.0, f"{number}, {_fraction(step)[1].lower()}"
+    return (1.0, tr("Done")) if isinstance(step, _Finished) else target_fraction_told(step)

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from mbstudio.core.batch.segmenting import segment_in_process
 from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task
 
@@ -24,7 +25,7 @@ class GrainWork(Work):
         def work(control: Control) -> GrainSet:
             return segment_in_process(scan, settings, progress=control.progress)
 
-        task = Task("Finding grains", work)
+        task = Task(tr("Finding grains"), work)
         task.succeeded.connect(lambda grains: self._take(scan, grains, settings))
         return self.queue.submit(task)
 
@@ -33,25 +34,32 @@ class GrainWork(Work):
         scan = self.workspace.scan
         if scan is None:
             return None
-        task = Task(f"Loading {path.name}", lambda control: load_labels(path, scan))
+        task = Task(tr("Loading {name}", name=path.name), lambda control: load_labels(path, scan))
         task.succeeded.connect(lambda grains: self._take(scan, grains, None))
         return self.queue.submit(task)
 
     def _take(self, scan: object, grains: GrainSet, settings: SegmentationSettings | None) -> None:
         if self.workspace.scan is not scan:
             self.said.emit(
-                "warning", "The scan was changed meanwhile: the grains that were found do not belong to it."
+                "warning",
+                tr("The scan was changed meanwhile: the grains that were found do not belong to it."),
             )
             return
         inside = len(grains.interior_labels)
         self.workspace.change(
-            f"Find {len(grains)} grains" if settings else f"Load {len(grains)} grains",
+            tr("Find {count} grains", count=len(grains))
+            if settings
+            else tr("Load {count} grains", count=len(grains)),
             grains=grains,
             segmentation=settings,
             fits=MappingProxyType({}),
         )
         self.said.emit(
             "success",
-            f"{len(grains)} grains, {inside} of them not cut by the edge of the scan. "
-            "Click one in the view or the table, then fit it.",
+            tr(
+                "{count} grains, {inside} of them not cut by the edge of the scan. "
+                "Click one in the view or the table, then fit it.",
+                count=len(grains),
+                inside=inside,
+            ),
         )

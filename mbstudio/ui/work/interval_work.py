@@ -5,6 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 
 from mbstudio.core.metrics import factor_intervals
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Task
 
@@ -26,7 +27,8 @@ class IntervalWork(Work):
         if grains is None:
             return None
         task = Task(
-            f"Finding the intervals of grain {label}", lambda control: factor_intervals(grains.grain(label))
+            tr("Finding the intervals of grain {label}", label=label),
+            lambda control: factor_intervals(grains.grain(label)),
         )
         task.succeeded.connect(lambda intervals: self.found.emit(label, intervals))
         return self.queue.submit(task)

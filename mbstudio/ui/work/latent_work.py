@@ -20,7 +20,9 @@ from mbstudio.core.vae.meaning import Meanings
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.core.vae.parents_range import ParentsRange
 from mbstudio.core.vae.style_learner import StyleLearner
+from mbstudio.ui.language import tr
 from mbstudio.ui.latest import LatestOnly
+from mbstudio.ui.work.kept_words import few_told, keep_told, others_told
 from mbstudio.ui.work.named_grains import clones_of, named_latent
 from mbstudio.ui.work.shaping_history import ShapingHistory, Stance
 from mbstudio.ui.work.work import Work
@@ -98,7 +100,7 @@ class LatentWork(Work):
         self._take(None, None)
         if learner is None:
             return
-        task = Task("Measuring the parents", lambda control: ParentsRange.of(learner))
+        task = Task(tr("Measuring the parents"), lambda control: ParentsRange.of(learner))
         task.succeeded.connect(lambda about: self._take(learner, about))
         self.queue.submit(task, lane="latent", key="about")
 
@@ -115,7 +117,7 @@ class LatentWork(Work):
             self._learning = None
         if learner is not None and about is not None:
             self._digest = style_digest(learner)
-            self.history.begin(Stance(about.mean, (Operation("average", {}, "average grain"),)))
+            self.history.begin(Stance(about.mean, (Operation("average", {}, tr("average grain")),)))
             self._tell_of_others()
         self.kept_changed.emit()
         self.style_taken.emit()
@@ -125,11 +127,7 @@ class LatentWork(Work):
     def _tell_of_others(self) -> None:
         others = len(self.workspace.state.kept) - len(self.kept)
         if others:
-            these = f"{others} kept grains belong" if others > 1 else "One kept grain belongs"
-            self.said.emit(
-                "info",
-                f"{these} to another style-learner; the project keeps them until that is opened again.",
-            )
+            self.said.emit("info", others_told(others))
 
     @property
     def is_opening(self) -> bool:
@@ -143,9 +141,11 @@ class LatentWork(Work):
             return
 
         def work(control: Control) -> Meanings:
-            return Meanings.of(learner, on_progress=lambda share: control.progress(share, "measuring grains"))
+            return Meanings.of(
+                learner, on_progress=lambda share: control.progress(share, tr("measuring grains"))
+            )
 
-        task = Task("Learning what the latents mean", work)
+        task = Task(tr("Learning what the latents mean"), work)
         task.succeeded.connect(lambda found: self._take_meanings(learner, found))
         task.ended.connect(lambda: self._learning_ended(task))
         self._learning = task
@@ -302,7 +302,7 @@ class LatentWork(Work):
         if learner is None or stance is None:
             return None
         if not keeping.is_sound(learner, stance.latent):
-            self.said.emit("warning", "Kept, but it is no valid body: a DEM engine would not take it.")
+            self.said.emit("warning", tr("Kept, but it is no valid body: a DEM engine would not take it."))
         return self._keep([(stance.latent, stance.operations)])[0]
 
     def keep_variations(self, sigma: float, count: int, seed: int = 0) -> Task | None:
@@ -318,12 +318,11 @@ class LatentWork(Work):
 
         def take(made: list[tuple[np.ndarray, Operation]]) -> None:
             if len(made) < count:
-                told = f"Only {len(made)} of {count} variations are valid bodies"
-                self.said.emit("warning", f"{told}: take less noise, or begin with a valid grain.")
+                self.said.emit("warning", few_told(len(made), count))
             if learner is self.learner and made:
                 self._keep([(latent, (*stance.operations, operation)) for latent, operation in made])
 
-        task = Task(f"Making {count} variations", work)
+        task = Task(tr("Making {count} variations", count=count), work)
         task.succeeded.connect(take)
         return self.queue.submit(task)
 
@@ -332,7 +331,7 @@ class LatentWork(Work):
         gone = set(names) & {recipe.name for recipe in self.kept}
         if gone:
             rest = tuple(grain for grain in self.workspace.state.kept if grain.name not in gone)
-            self.history.change(f"Remove {', '.join(sorted(gone))}", kept=rest)
+            self.history.change(tr("Remove {grains}", grains=", ".join(sorted(gone))), kept=rest)
             self.stepped.emit()
 
     def rename(self, name: str, to: str) -> bool:
@@ -345,7 +344,7 @@ class LatentWork(Work):
             self.said.emit("error", str(error))
             self.kept_changed.emit()
             return False
-        self.history.change(f"Rename {name} to {to.strip()}", kept=named)
+        self.history.change(tr("Rename {name} to {new}", name=name, new=to.strip()), kept=named)
         self.stepped.emit()
         return True
 
@@ -357,8 +356,10 @@ class LatentWork(Work):
             Recipe(f"kept {number}", tuple(latent.tolist()), operations, self._digest)
             for number, (latent, operations) in enumerate(made, first)
         ]
-        title = f"Keep {found[0].name}" if len(found) == 1 else f"Keep {len(found)} variations from {first}"
-        self.history.change(title, kept=(*before, *keeping.measured(self.learner, found)))
+        self.history.change(
+            keep_told(found[0].name, len(found), first),
+            kept=(*before, *keeping.measured(self.learner, found)),
+        )
         self.stepped.emit()
         return found
 

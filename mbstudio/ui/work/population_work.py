@@ -15,6 +15,7 @@ from mbstudio.core.populations import Population, ProjectPopulations, measure_pr
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.scene.figures import drawn
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -119,7 +120,7 @@ class PopulationWork(Work):
         state, asked = self.workspace.state, self.asked
         if state.grains is None or self.is_measuring:
             return None
-        task = Task("Measuring populations", lambda control: _measure(state, asked, control))
+        task = Task(tr("Measuring populations"), lambda control: _measure(state, asked, control))
         task.succeeded.connect(self._take)
         return self._submit(task)
 
@@ -147,7 +148,7 @@ class PopulationWork(Work):
             )  # fmt: skip
             return measured
 
-        task = Task(f"Writing {path.name}", work)
+        task = Task(tr("Writing {name}", name=path.name), work)
         task.succeeded.connect(self._take)
         return self._submit(task)
 
@@ -165,7 +166,7 @@ class PopulationWork(Work):
                 figure.savefig(temporary, format=path.suffix.lower()[1:], facecolor="white", dpi=200)
             return path
 
-        return self.queue.submit(Task("Drawing the figure", work))
+        return self.queue.submit(Task(tr("Drawing the figure"), work))
 
     def _submit(self, task: Task) -> Task:
         self._task = task
@@ -181,7 +182,8 @@ class PopulationWork(Work):
             self.measured = measured
             failed = sum(len(p.failures) for p in (measured.found.grains, measured.found.avatars) if p)
             if failed:
-                self.said.emit("warning", f"{failed} bodies could not be measured; the report says why.")
+                told = tr("{failed} bodies could not be measured; the report says why.", failed=failed)
+                self.said.emit("warning", told)
 
     def _grains_changed(self) -> None:
         self.cancel()

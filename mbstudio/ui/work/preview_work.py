@@ -16,6 +16,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.scene.export_preview import PreviewSurfaces, preview_surfaces
+from mbstudio.ui.language import tr
 from mbstudio.ui.workers import Control, Task, TaskQueue
 
 Named = tuple[str, Avatar]
@@ -81,7 +82,9 @@ class PreviewWork(QObject):
             found = preview(self._body(named), target, options, control.progress)
             return found, preview_surfaces(found)
 
-        self._submit("the preview", work, lambda both: self.made.emit(*both), self.refused)
+        self._submit(
+            "preview", tr("Making the preview"), work, lambda both: self.made.emit(*both), self.refused
+        )
 
     def sketch(self, named: Sequence[Named], plan: SpecimenPlan) -> None:
         """Make a specimen of avatars to show its curve."""
@@ -91,7 +94,8 @@ class PreviewWork(QObject):
             specimen = specimen_of(self._measured(chosen, control), plan)
             return SpecimenSketch(plan, specimen, len(chosen), len(named))
 
-        self._submit("the specimen", work, self.specimen_made.emit, self.specimen_refused)
+        title = tr("Making the specimen")
+        self._submit("specimen", title, work, self.specimen_made.emit, self.specimen_refused)
 
     def find_curve(self, named: Sequence[Named]) -> None:
         """Find the sieve curve of the avatars themselves."""
@@ -100,19 +104,20 @@ class PreviewWork(QObject):
         def work(control: Control) -> SizeDistribution:
             return _own_curve(self._measured(chosen, control))
 
-        self._submit("the avatars' sieve curve", work, self.curve_made.emit, self.specimen_refused)
+        title = tr("Making the avatars' sieve curve")
+        self._submit("curve", title, work, self.curve_made.emit, self.specimen_refused)
 
     def drop(self, what: str) -> None:
-        """Give up what is being made ("the preview", "the specimen")."""
+        """Give up what is being made ("preview", "specimen")."""
         task = self._tasks.pop(what, None)
         if task is not None and not task.is_over:
             task.cancel()
 
     # ---- inside ----------------------------------------------------------------------------------
 
-    def _submit(self, what: str, work: Any, take: Any, refused: Any) -> None:
+    def _submit(self, what: str, title: str, work: Any, take: Any, refused: Any) -> None:
         self.drop(what)
-        task = Task(f"Making {what}", work)
+        task = Task(title, work)
         task.handled = (MbstudioError,)
 
         def succeeded(result: Any) -> None:
@@ -144,7 +149,7 @@ class PreviewWork(QObject):
         if self._kinds is None or self._kinds[0] != avatars:
             unit, parts = avatars[0].unit, []
             for place, (name, avatar) in enumerate(named):
-                control.progress(place / len(named), f"Measuring {name}")
+                control.progress(place / len(named), tr("Measuring {name}", name=name))
                 (body,) = prepare_bodies([avatar], [name], unit, None)
                 parts.append(SpecimenKinds.of([body], unit))
             self._kinds = avatars, _together(parts, unit)

@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import Signal
 
 from mbstudio.core.project import Project
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Task
 
@@ -29,14 +30,14 @@ class ProjectWork(Work):
 
     def open(self, path: Path) -> Task:
         """Open a project file."""
-        task = Task(f"Opening {path.name}", lambda control: _opened(path))
+        task = Task(tr("Opening {name}", name=path.name), lambda control: _opened(path))
         task.succeeded.connect(lambda project: self._take(project, path))
         return self.queue.submit(task)
 
     def save(self, path: Path, after: Callable[[], object] | None = None) -> Task:
         """Write the project to `path`; `after` is called once it is written."""
         project = self.workspace.project
-        task = Task(f"Saving {path.name}", lambda control: project.save(path))
+        task = Task(tr("Saving {name}", name=path.name), lambda control: project.save(path))
         task.succeeded.connect(lambda written: self._saved(Path(written)))
         if after is not None:
             task.succeeded.connect(lambda _: after())
@@ -46,13 +47,19 @@ class ProjectWork(Work):
         self.workspace.replace_project(project)
         self.workspace.remember(path)
         grains = len(project.grains) if project.grains is not None else 0
-        self.said.emit("success", f"{path.name}: {grains} grains, {len(project.fits)} of them fitted.")
+        told = tr(
+            "{name}: {grains} grains, {fitted} of them fitted.",
+            name=path.name,
+            grains=grains,
+            fitted=len(project.fits),
+        )
+        self.said.emit("success", told)
         self.opened.emit()
 
     def _saved(self, path: Path) -> None:
         self.workspace.remember(path)
         self.workspace.saved()
-        self.said.emit("success", f"Saved {path.name}.")
+        self.said.emit("success", tr("Saved {name}.", name=path.name))
 
 
 def _opened(path: Path) -> Project:

@@ -14,6 +14,7 @@ from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reop
 from mbstudio.core.scan import Scan, open_scan, sample_scan
 from mbstudio.core.units import VoxelSize
 from mbstudio.scene.slices import sample_of_voxels
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.scan_dialog import ScanAnswer
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
@@ -31,6 +32,7 @@ class OpenedScan:
     scan: Scan
     reference: ScanReference
     title: str
+    name: str
 
 
 def is_raw(path: Path) -> bool:
@@ -61,7 +63,7 @@ class ScanWork(Work):
         """Open a file or a folder of slices; ask for what it does not say."""
         path = Path(path)
         if is_raw(path) and path.is_file():
-            self.asked.emit(path, "A RAW file holds nothing but voxels: tell what they are.", True)
+            self.asked.emit(path, tr("A RAW file holds nothing but voxels: tell what they are."), True)
             return None
         size = VoxelSize.parse(voxel_size) if voxel_size is not None else None
         return self.open_answered(ScanAnswer(path, size))
@@ -80,9 +82,9 @@ class ScanWork(Work):
                 big_endian=answer.big_endian,
             )
             control.checkpoint()
-            return _opened(scan, f"Open {path.name}")
+            return _opened(scan, tr("Open {name}", name=path.name), path.name.capitalize())
 
-        task = Task(f"Opening {path.name}", work)
+        task = Task(tr("Opening {name}", name=path.name), work)
         task.succeeded.connect(self._take)
         task.succeeded.connect(lambda _: self.workspace.remember(path))
         if answer.voxel_size is None:
@@ -92,7 +94,10 @@ class ScanWork(Work):
 
     def open_sample(self) -> Task:
         """Make the built-in sample scan."""
-        task = Task("Making the sample scan", lambda control: _opened(sample_scan().scan, "Open sample scan"))
+        task = Task(
+            tr("Making the sample scan"),
+            lambda control: _opened(sample_scan().scan, tr("Open sample scan"), tr("Sample scan")),
+        )
         task.succeeded.connect(self._take)
         return self.queue.submit(task)
 
@@ -101,7 +106,7 @@ class ScanWork(Work):
         if self.workspace.state.scan is None:
             return None
         project = self.workspace.project
-        task = Task("Opening the project's scan", lambda control: project.scan)
+        task = Task(tr("Opening the project's scan"), lambda control: project.scan)
         task.succeeded.connect(lambda scan: self._give(project, scan))
         task.handled = (ScanError,)
         task.failed.connect(lambda error: self._miss(project, error))
@@ -115,11 +120,11 @@ class ScanWork(Work):
 
         def take(scan: Scan) -> None:
             if project is self.workspace.project:
-                self.workspace.change("Relocate scan", scan=replace(reference, path=path))
+                self.workspace.change(tr("Relocate scan"), scan=replace(reference, path=path))
                 self.workspace.give_scan(scan)
-                self.said.emit("success", f"Found the project's scan in {path}.")
+                self.said.emit("success", tr("Found the project's scan in {path}.", path=path))
 
-        task = Task(f"Opening {path.name}", lambda control: reopen(reference, path))
+        task = Task(tr("Opening {name}", name=path.name), lambda control: reopen(reference, path))
         task.succeeded.connect(take)
         task.handled = (ScanError,)
         task.failed.connect(lambda error: self._miss(project, error))
@@ -128,7 +133,7 @@ class ScanWork(Work):
     def _miss(self, project: object, error: Exception) -> None:
         if project is self.workspace.project and isinstance(error, ScanError):
             # The window has a button where the command line has an option.
-            self.missing.emit(str(error).replace(HOW_TO_RELOCATE, "tell where it is"))
+            self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("tell where it is")))
 
     def change_voxel_size(self, size: VoxelSize) -> None:
         """Correct the voxel size of the present scan; grains and fits no longer hold."""
@@ -136,7 +141,7 @@ class ScanWork(Work):
         if reference is None or reference.voxel_size == size:
             return
         self.workspace.change(
-            "Change voxel size",
+            tr("Change voxel size"),
             scan=replace(reference, voxel_size=size),
             grains=None,
             fits={},
@@ -149,24 +154,28 @@ class ScanWork(Work):
 
     def _ask(self, path: Path, error: Exception) -> None:
         if isinstance(error, UnitError):
-            self.asked.emit(path, "The file does not say how large its voxels are.", False)
+            self.asked.emit(path, tr("The file does not say how large its voxels are."), False)
 
     def _take(self, opened: OpenedScan) -> None:
         self.workspace.use_scan(opened.scan, opened.reference, opened.title)
         shape = " × ".join(str(count) for count in opened.scan.shape)
         self.said.emit(
             "success",
-            f"{opened.title.removeprefix('Open ').capitalize()}: {shape} voxels of "
-            f"{opened.scan.voxel_size}. Next: find the grains.",
+            tr(
+                "{scan}: {shape} voxels of {voxel_size}. Next: find the grains.",
+                scan=opened.name,
+                shape=shape,
+                voxel_size=opened.scan.voxel_size,
+            ),
         )
 
 
-def _opened(scan: Scan, title: str) -> OpenedScan:
+def _opened(scan: Scan, title: str, name: str) -> OpenedScan:
     """Do what reads many voxels: bring lazy slices into memory, and take the digest."""
     size = int(np.prod(scan.shape)) * np.dtype(scan.voxels.dtype).itemsize
     if not isinstance(scan.voxels, np.ndarray) and size <= IN_MEMORY:
         scan = replace(scan, voxels=scan.load())
-    return OpenedScan(scan, refer_to(scan), title)
+    return OpenedScan(scan, refer_to(scan), title, name)
 
 
 def grey_values(scan: Scan) -> np.ndarray:

@@ -14,6 +14,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.project import ProjectState
 from mbstudio.core.units import conversion_factor
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -203,8 +204,8 @@ class StyleWork(Work):
 
         known = self._serialized
         if known is not None and known.is_of(key, self.workspace.state):
-            return self._train(known, train, "Learn style")
-        return self._serialize(key, asked.parents, asked.n, asked.seed, None, train, "Learn style")
+            return self._train(known, train, tr("Learn style"))
+        return self._serialize(key, asked.parents, asked.n, asked.seed, None, train, tr("Learn style"))
 
     def learn_on(self, parents: Parents, seed: int = 0) -> Task | None:
         """Teach new parents to the style-learner that is there."""
@@ -218,7 +219,7 @@ class StyleWork(Work):
             return LearningOn(learner, new, seed=seed)
 
         template = learner.template
-        return self._serialize((), parents, template.n, seed, template, train, "Learn on")
+        return self._serialize((), parents, template.n, seed, template, train, tr("Learn on"))
 
     def _serialize(
         self, key: tuple[Any, ...], parents: Parents, n: int, seed: int, template: Template | None,
@@ -227,11 +228,11 @@ class StyleWork(Work):
         state = self.workspace.state
 
         def work(control: Control) -> _Serialized:
-            control.report(0.0, "Reading the parents")
+            control.report(0.0, tr("Reading the parents"))
             return _serialized(key, state, parents, n, seed, template, control)
 
         # It can be paused: every report of progress is a place to wait.
-        task = Task("Serializing the parents", work, fraction=lambda _: (-1.0, ""))
+        task = Task(tr("Serializing the parents"), work, fraction=lambda _: (-1.0, ""))
         task.succeeded.connect(lambda found: self._train(found, train, title))
         self._learning = None
         return self._start(task)
@@ -240,14 +241,14 @@ class StyleWork(Work):
         self._serialized = serialized
 
         def work(control: Control) -> Iterator[TrainingStep | _Learned]:
-            control.report(0.0, "Preparing the training")
+            control.report(0.0, tr("Preparing the training"))
             learning = _Learning(train(serialized.parents), title)
             self._learning = learning
             return _drive(learning)
 
         self.records = []
         self.began.emit()
-        task = Task("Learning the style", work, fraction=_fraction)
+        task = Task(tr("Learning the style"), work, fraction=_fraction)
         task.succeeded.connect(lambda last: self._take(last, title, serialized.told))
         return self._start(task)
 
@@ -275,13 +276,11 @@ class StyleWork(Work):
         self._learning = None
         self.workspace.use_style(last.learner, title)
         notes = [*told, *[step.note for step in self.records if step.note]]
-        error = ""
+        words = [tr("The style of {count} parents is learned.", count=card.count)]
         if np.isfinite(card.held_out_rms):
-            error = f" Parents not seen are reproduced to {percent(card.held_out_rms)} of Dₙ."
-        self.said.emit(
-            "warning" if notes else "success",
-            " ".join((f"The style of {card.count} parents is learned.{error}", *notes)),
-        )
+            error = percent(card.held_out_rms)
+            words.append(tr("Parents not seen are reproduced to {error} of Dₙ.", error=error))
+        self.said.emit("warning" if notes else "success", " ".join((*words, *notes)))
 
     # ---- files -----------------------------------------------------------------------------------
 
@@ -293,8 +292,8 @@ class StyleWork(Work):
 
             return load_style_learner(folder)
 
-        task = Task(f"Opening {folder.name}", work)
-        task.succeeded.connect(lambda learner: self.workspace.use_style(learner, "Open style-learner"))
+        task = Task(tr("Opening {name}", name=folder.name), work)
+        task.succeeded.connect(lambda learner: self.workspace.use_style(learner, tr("Open style-learner")))
         task.succeeded.connect(lambda _: self.began.emit())
         self.records = []
         return self.queue.submit(task)
@@ -304,9 +303,9 @@ class StyleWork(Work):
         learner = self.workspace.style
         if learner is None:
             return None
-        task = Task(f"Saving {folder.name}", lambda control: learner.save(folder))
+        task = Task(tr("Saving {name}", name=folder.name), lambda control: learner.save(folder))
         task.succeeded.connect(
-            lambda written: self.said.emit("success", f"Saved the style-learner in {written}.")
+            lambda written: self.said.emit("success", tr("Saved the style-learner in {path}.", path=written))
         )
         return self.queue.submit(task)
 
@@ -319,7 +318,7 @@ class StyleWork(Work):
 
 def percent(share: float) -> str:
     """Return an error in percent; what is nothing but rounding is not called zero."""
-    return f"{100 * share:.2f} %" if share >= 5e-5 else "less than 0.01 %"
+    return f"{100 * share:.2f} %" if share >= 5e-5 else tr("less than 0.01 %")
 
 
 def _name(label: int) -> str:
@@ -365,5 +364,6 @@ def _drive(learning: _Learning) -> Iterator[TrainingStep | _Learned]:
 
 def _fraction(step: TrainingStep | _Learned) -> tuple[float, str]:
     if isinstance(step, _Learned):
-        return 1.0, "Done"
-    return (step.step / step.steps if step.steps else 1.0), f"Step {step.step} of {step.steps}"
+        return 1.0, tr("Done")
+    told = tr("Step {step} of {steps}", step=step.step, steps=step.steps)
+    return (step.step / step.steps if step.steps else 1.0), told

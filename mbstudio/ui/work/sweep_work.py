@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.imaging.sweep import Sweep, SweepRow, checked_numbers
+from mbstudio.ui.language import tr
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -71,10 +72,21 @@ class SweepWork(Work):
 
         def fraction(row: SweepRow) -> tuple[float, str]:
             done, fits = len(found), len(chosen) * len(wanted)
-            return done / fits, f"Grain {row.label}, n = {row.n}: {done} of {fits} fits"
+            told = tr(
+                "Grain {label}, n = {n}: {done} of {fits} fits",
+                label=row.label,
+                n=row.n,
+                done=done,
+                fits=fits,
+            )
+            return done / fits, told
 
-        grain = f"grain {chosen[0]}" if len(chosen) == 1 else f"{len(chosen)} grains"
-        task = Task(f"Sweeping n of {grain}", steps, prepare=lambda _: tuple(found), fraction=fraction)
+        title = (
+            tr("Sweeping n of grain {label}", label=chosen[0])
+            if len(chosen) == 1
+            else tr("Sweeping n of {count} grains", count=len(chosen))
+        )
+        task = Task(title, steps, prepare=lambda _: tuple(found), fraction=fraction)
         task.reported.connect(self._report)
         task.ended.connect(lambda: self._take(grains, found))
         task.ended.connect(self.changed)
