@@ -13,6 +13,7 @@ from mbstudio.core.dem import targets
 from mbstudio.core.errors import ExportError
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import label, primary_button, row
@@ -29,6 +30,14 @@ if TYPE_CHECKING:
     from mbstudio.ui.work.export_work import ExportWork
 
 UNITS = ("um", "mm", "cm", "m")
+
+_AVATARS = (mark("Export {count} avatar"), mark("Export {count} avatars"))
+_KEPT = (mark("Export {count} kept grain"), mark("Export {count} kept grains"))
+_EXPORTS = {
+    "clones": (mark("Export {count} clone"), mark("Export {count} clones")),
+    "kept": _KEPT,
+    "kept one": _KEPT,
+}
 
 
 class ExportPanel(Panel):
@@ -47,7 +56,7 @@ class ExportPanel(Panel):
     shape_changed = Signal()
 
     def __init__(self, workspace: Workspace, theme: Theme, icons: Icons) -> None:
-        super().__init__("Export", "Hand the avatars over to a DEM engine.")
+        super().__init__(tr("Export"), tr("Hand the avatars over to a DEM engine."))
         self._workspace = workspace
         self._clones: Generation | None = None
         self.kept: list[KeptGrain] = []
@@ -58,7 +67,7 @@ class ExportPanel(Panel):
             self.target.addItem(target.title, name)
         self.target.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.target.setMinimumContentsLength(18)
-        self.target.setAccessibleName("Target")
+        self.target.setAccessibleName(tr("Target"))
         self.selection = QComboBox()
         self.unit = QComboBox()
         self.density = QDoubleSpinBox()
@@ -66,23 +75,25 @@ class ExportPanel(Panel):
         self.density.setDecimals(0)
         self.density.setValue(2650)
         self.folder = QLineEdit()
-        self.folder.setPlaceholderText("Choose an empty folder")
-        self.folder.setAccessibleName("Folder")
-        self.browse = QPushButton("Browse…")
-        self.overwrite = QCheckBox("The folder may hold other files")
-        self.export_button = primary_button("Export")
-        self._density_row = row("Density", self.density, "Of the grains' mineral: quartz 2650", "kg/m³")
+        self.folder.setPlaceholderText(tr("Choose an empty folder"))
+        self.folder.setAccessibleName(tr("Folder"))
+        self.browse = QPushButton(tr("Browse…"))
+        self.overwrite = QCheckBox(tr("The folder may hold other files"))
+        self.export_button = primary_button(tr("Export"))
+        self._density_row = row(
+            tr("Density"), self.density, tr("Of the grains' mineral: quartz 2650"), "kg/m³"
+        )
         self.options = TargetForm()
         self.preview = PreviewCard(icons)
         self.specimen = SpecimenForm(theme)
         self._taken: tuple[object, ChosenAvatars] | None = None
         self._hint = label("", "hint", wrap=True)
 
-        self.add(label("Target", "key"), self.target)
-        self.add(row("Avatars", self.selection, "Which avatars are written"))
-        self.add(row("Unit of the files", self.unit, "All lengths in the files are in this unit"))
+        self.add(label(tr("Target"), "key"), self.target)
+        self.add(row(tr("Avatars"), self.selection, tr("Which avatars are written")))
+        self.add(row(tr("Unit of the files"), self.unit, tr("All lengths in the files are in this unit")))
         self.add(self._density_row, self.options, self.preview)
-        self.add_heading("Specimen")
+        self.add_heading(tr("Specimen"))
         self.add(self.specimen)
         self.body.addStretch(1)
         line = QHBoxLayout()
@@ -225,19 +236,19 @@ class ExportPanel(Panel):
         kind = self.selection.currentData() or "valid"
         self.selection.blockSignals(True)
         self.selection.clear()
-        self.selection.addItem(f"All valid ({valid})", "valid")
-        self.selection.addItem(f"All ({len(fits)})", "all")
+        self.selection.addItem(tr("All valid ({count})", count=valid), "valid")
+        self.selection.addItem(tr("All ({count})", count=len(fits)), "all")
         if chosen in fits:
-            self.selection.addItem(f"Grain {chosen}", "chosen")
+            self.selection.addItem(tr("Grain {label}", label=chosen), "chosen")
         if self._clones is not None:
-            self.selection.addItem(f"Clones ({len(self._clones)})", "clones")
+            self.selection.addItem(tr("Clones ({count})", count=len(self._clones)), "clones")
             kind = "clones" if not fits else kind
         if self.kept:
-            self.selection.addItem(f"Kept grains ({len(self.kept)})", "kept")
+            self.selection.addItem(tr("Kept grains ({count})", count=len(self.kept)), "kept")
             if not fits and kind == "valid":
                 kind = "kept"
         if self._one_kept():
-            self.selection.addItem(f"Kept grain {self._kept_name}", "kept one")
+            self.selection.addItem(tr("Kept grain {name}", name=self._kept_name), "kept one")
         elif kind == "kept one":
             kind = "kept" if self.kept else "valid"
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))
@@ -251,28 +262,31 @@ class ExportPanel(Panel):
     def _write_hint(self) -> None:
         fault = self._fault()
         if not self._workspace.state.fits and not self.count:
-            text = "No avatars yet: fit some grains first (station Fit)."
+            text = tr("No avatars yet: fit some grains first (station Fit).")
         elif not self.count:
-            text = "None of the avatars is valid: fit again with more control points, or choose “All”."
+            text = tr("None of the avatars is valid: fit again with more control points, or choose “All”.")
         elif fault:
-            text = "The sieve curve of the specimen is not complete yet."
+            text = tr("The sieve curve of the specimen is not complete yet.")
         elif self.folder_path is None:
-            text = "Choose a folder for the files."
+            text = tr("Choose a folder for the files.")
         else:
             text = ""
         self._hint.setText(text)
         self._hint.setVisible(bool(text))
         self.export_button.setEnabled(self.is_ready)
         count = self.count
-        kinds = {"clones": "clone", "kept": "kept grain", "kept one": "kept grain"}
-        what = kinds.get(self.selection.currentData(), "avatar")
-        self.export_button.setText(f"Export {count} {what}{'s' if count != 1 else ''}" if count else "Export")
+        one, many = _EXPORTS.get(self.selection.currentData(), _AVATARS)
+        self.export_button.setText(tr(one if count == 1 else many, count=count) if count else tr("Export"))
 
     def _target_changed(self) -> None:
         target = targets()[self.target_name]
         self._density_row.setVisible(target.needs_density)
         self.unit.clear()
-        usual = f"Usual ({unit_label(target.default_unit)})" if target.default_unit else "As in the scan"
+        usual = (
+            tr("Usual ({unit})", unit=unit_label(target.default_unit))
+            if target.default_unit
+            else tr("As in the scan")
+        )
         self.unit.addItem(usual, None)
         # A target whose files can be in one unit only has nothing to choose.
         self.unit.setEnabled(len(target.units) != 1)

@@ -19,6 +19,7 @@ from mbstudio.core.imaging import FitResult, FitTarget
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.widgets.factors_table import FactorsTable
 from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, quiet_button, row, set_badge
@@ -42,14 +43,14 @@ class FitPanel(Panel):
     step_asked = Signal(int)
 
     def __init__(self, workspace: Workspace, work: FitWork, icons: Icons) -> None:
-        super().__init__("Fit", "A grain becomes an avatar: the surface f = 1 of n control points.")
+        super().__init__(tr("Fit"), tr("A grain becomes an avatar: the surface f = 1 of n control points."))
         self._workspace, self._work, self._icons = workspace, work, icons
-        self._name = label("No grain chosen", "figure")
+        self._name = label(tr("No grain chosen"), "figure")
         self._facts = label("", "hint", wrap=True)
         self.before, self.after = QToolButton(), QToolButton()
         for button, icon, words in (
-            (self.before, "ph.caret-left", "Previous grain"),
-            (self.after, "ph.caret-right", "Next grain"),
+            (self.before, "ph.caret-left", tr("Previous grain")),
+            (self.after, "ph.caret-right", tr("Next grain")),
         ):
             icons.set(button, icon)
             button.setToolTip(words)
@@ -64,15 +65,15 @@ class FitPanel(Panel):
         self.n = QSpinBox()
         self.n.setRange(1, 1000)
         self.method = QComboBox()
-        self.method.addItem("Fast", "fast")
-        self.method.addItem("As in the paper", "paper")
+        self.method.addItem(tr("Fast"), "fast")
+        self.method.addItem(tr("As in the paper"), "paper")
         self.seed = QSpinBox()
         self.seed.setRange(0, 2**31 - 1)
         self.target = QLineEdit()
-        self.target.setPlaceholderText("none, or volume 0.5 % and hausdorff 2 %")
+        self.target.setPlaceholderText(tr("none, or volume 0.5 % and hausdorff 2 %"))
         self.target.setClearButtonEnabled(True)
-        self.target.setAccessibleName("Target")
-        tip = (
+        self.target.setAccessibleName(tr("Target"))
+        tip = tr(
             "<p>What an avatar is to reach with as few control points as may be: measures and limits joined "
             "by <i>and</i>. Errors of any factor (volume, area, sphericity, csf …), hausdorff and rms over "
             "D<sub>n</sub> in percent, iou at least, n at most. Empty: fit with n as above.</p>"
@@ -81,20 +82,22 @@ class FitPanel(Panel):
         self.refusal = label("", "refusal", wrap=True)
         self.refusal.hide()
         self._target_shown = ""
-        self.sweep_button = quiet_button("Sweep over n …")
-        self.sweep_button.setToolTip("Try several n on the chosen grains, and see how true their avatars are")
-        name = label("Target", "key")
+        self.sweep_button = quiet_button(tr("Sweep over n …"))
+        self.sweep_button.setToolTip(
+            tr("Try several n on the chosen grains, and see how true their avatars are")
+        )
+        name = label(tr("Target"), "key")
         name.setBuddy(self.target)
         name.setToolTip(tip)
-        self.add_heading("Avatar")
+        self.add_heading(tr("Avatar"))
         self.add(
-            row("Control points n", self.n, "More points follow edges better and take longer"),
+            row(tr("Control points n"), self.n, tr("More points follow edges better and take longer")),
             row(
-                "Method",
+                tr("Method"),
                 self.method,
-                "Fast: Levenberg–Marquardt. As in the paper: Algorithms 1 and 2 to the letter",
+                tr("Fast: Levenberg–Marquardt. As in the paper: Algorithms 1 and 2 to the letter"),
             ),
-            row("Seed", self.seed, "The same seed gives the same avatar"),
+            row(tr("Seed"), self.seed, tr("The same seed gives the same avatar")),
             name,
             self.target,
             self.refusal,
@@ -102,7 +105,7 @@ class FitPanel(Panel):
         )
         self.options = OptionsForm()
         self.add(self.options)
-        self._result_heading = label("Result", "heading")
+        self._result_heading = label(tr("Result"), "heading")
         self.verdict = badge()
         line = QHBoxLayout()
         line.setContentsMargins(0, 8, 0, 0)
@@ -111,36 +114,40 @@ class FitPanel(Panel):
         self.body.addLayout(line)
         self._reasons = label("", "hint", wrap=True)
         self.factors = FactorsTable()
-        self.intervals_button = quiet_button("Intervals of the grain")
+        self.intervals_button = quiet_button(tr("Intervals of the grain"))
         self.intervals_button.setToolTip(
-            "Between what the grain's factors lie, as its place on the voxels, threshold and blur are "
-            "uncertain. Bold errors: the avatar lies outside."
+            tr(
+                "Between what the grain's factors lie, as its place on the voxels, threshold and blur are "
+                "uncertain. Bold errors: the avatar lies outside."
+            )
         )
         self.intervals_button.setEnabled(False)
         self.add(self._reasons, self.factors, self.intervals_button)
         self.grain_opacity = NumberSlider(
-            "Grain", 0, 1, 0.6, 0.01, "{:.0%}", "Opacity of the grain's surface"
+            tr("Grain"), 0, 1, 0.6, 0.01, "{:.0%}", tr("Opacity of the grain's surface")
         )
         self.avatar_opacity = NumberSlider(
-            "Avatar", 0, 1, 1.0, 0.01, "{:.0%}", "Opacity of the avatar's surface"
+            tr("Avatar"), 0, 1, 1.0, 0.01, "{:.0%}", tr("Opacity of the avatar's surface")
         )
-        self.points = QCheckBox("Control points")
-        self.points.setToolTip("Small spheres at the control points; lower the avatar's opacity to see them")
-        self.add_heading("Opacity")
+        self.points = QCheckBox(tr("Control points"))
+        self.points.setToolTip(
+            tr("Small spheres at the control points; lower the avatar's opacity to see them")
+        )
+        self.add_heading(tr("Opacity"))
         self.add(self.grain_opacity, self.avatar_opacity, self.points)
         self.body.addStretch(1)
 
-        self.fit_button = primary_button("Fit grain")
-        self.pause_button, self.stop_button = QPushButton("Pause"), QPushButton("Stop and keep")
-        self.stop_button.setToolTip("End the search and keep the avatar as it stands")
+        self.fit_button = primary_button(tr("Fit grain"))
+        self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
+        self.stop_button.setToolTip(tr("End the search and keep the avatar as it stands"))
         self.more = QSpinBox()
         self.more.setRange(1, 10_000)
         self.more.setValue(30)
-        self.more.setSuffix(" generations")
-        self.more.setAccessibleName("How many more generations")
-        self.more_button = QPushButton("Go on")
-        self.more_button.setToolTip("Let the search go on from here, with n as set above")
-        self.all_button = QPushButton("Fit all grains")
+        self.more.setSuffix(tr(" generations"))
+        self.more.setAccessibleName(tr("How many more generations"))
+        self.more_button = QPushButton(tr("Go on"))
+        self.more_button.setToolTip(tr("Let the search go on from here, with n as set above"))
+        self.all_button = QPushButton(tr("Fit all grains"))
         self._running, self._going_on = QWidget(), QWidget()
         pairs: tuple[tuple[QWidget, tuple[QWidget, ...]], ...] = (
             (self._running, (self.pause_button, self.stop_button)),
@@ -223,52 +230,65 @@ class FitPanel(Panel):
         self.options.show_options(state.fit_settings.method, state.fit_settings.options)
         self._show_target(state.fit_settings.target)
         if grains is None:
-            self._name.setText("No grains yet")
-            self._facts.setText("Find the grains first (station Grains).")
+            self._name.setText(tr("No grains yet"))
+            self._facts.setText(tr("Find the grains first (station Grains)."))
         elif label_ is None:
-            self._name.setText("No grain chosen")
-            self._facts.setText("Click a grain in the view or a row of the table.")
+            self._name.setText(tr("No grain chosen"))
+            self._facts.setText(tr("Click a grain in the view or a row of the table."))
         else:
             table = grains.table
             line = table.loc[table["label"] == label_].iloc[0]
             diameter = (6 * float(line["volume"]) / 3.141592653589793) ** (1 / 3)
-            self._name.setText(f"Grain {label_}")
-            edge = (
-                ". The edge of the scan cuts it: its true shape is unknown" if line["touches_border"] else ""
+            self._name.setText(tr("Grain {label}", label=label_))
+            facts = tr(
+                "Dₙ {diameter:.4g} {unit} · {voxels:,} voxels",
+                diameter=diameter,
+                unit=unit_label(grains.unit),
+                voxels=int(line["voxels"]),
             )
-            self._facts.setText(
-                f"Dₙ {diameter:.4g} {unit_label(grains.unit)} · {int(line['voxels']):,} voxels{edge}"
-            )
+            if line["touches_border"]:
+                facts = tr("{facts}. The edge of the scan cuts it: its true shape is unknown", facts=facts)
+            self._facts.setText(facts)
         running = self._work.is_running
         self.fit_button.setVisible(not running)
         again = label_ is not None and label_ in state.fits
-        self.fit_button.setText("Fit grain again" if again else "Fit grain")
+        self.fit_button.setText(tr("Fit grain again") if again else tr("Fit grain"))
         self._running.setVisible(running)
-        self.pause_button.setText("Resume" if self._work.is_paused else "Pause")
+        self.pause_button.setText(tr("Resume") if self._work.is_paused else tr("Pause"))
         self._going_on.setVisible(self._work.can_go_on(label_))
         left = len(self._work.unfitted())
-        self.all_button.setText(f"Fit all {left} grains without avatar" if left else "Fit all grains")
+        self.all_button.setText(
+            tr("Fit all {count} grains without avatar", count=left) if left else tr("Fit all grains")
+        )
         self._show_result(state.fits.get(label_) if label_ is not None else None)
 
     def _show_result(self, fit: FitResult | None) -> None:
         if fit is None:
             running = self._work.is_running and self._work.running_label == self._workspace.selected
-            set_badge(self.verdict, "being fitted" if running else "not fitted", "quiet")
+            set_badge(self.verdict, tr("being fitted") if running else tr("not fitted"), "quiet")
             self._reasons.hide()
             return
         verdict = fit.verdict
-        set_badge(self.verdict, "valid" if verdict.valid else "not valid", "good" if verdict.valid else "bad")
+        set_badge(
+            self.verdict,
+            tr("valid") if verdict.valid else tr("not valid"),
+            "good" if verdict.valid else "bad",
+        )
         unit = unit_label(fit.avatar.unit)
-        text = (
-            f"RMS distance {verdict.rms:.3g} {unit} · n = {fit.avatar.n} · {len(fit.history) - 1} generations"
+        text = tr(
+            "RMS distance {distance:.3g} {unit} · n = {n} · {generations} generations",
+            distance=verdict.rms,
+            unit=unit,
+            n=fit.avatar.n,
+            generations=len(fit.history) - 1,
         )
         if verdict.smallest_neck is not None:
-            text += f" · smallest neck {verdict.smallest_neck:.3g} {unit}"
+            neck = tr("smallest neck {width:.3g} {unit}", width=verdict.smallest_neck, unit=unit)
+            text += f" · {neck}"
         if fit.target:
             aims = FitTarget.parse(fit.target)
-            met = "reached" if reaches(fit) else "not reached"
-            told = f": {aims.told(fit.reached)}" if fit.reached else ""
-            text += f"\nTarget {met}{told}"
+            met = tr("Target reached") if reaches(fit) else tr("Target not reached")
+            text += f"\n{met}: {aims.told(fit.reached)}" if fit.reached else f"\n{met}"
         self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))
         self._reasons.show()
 
@@ -286,4 +306,4 @@ class FitPanel(Panel):
     def _show_intervals_button(self) -> None:
         self.intervals_button.setEnabled(self.factors.has_grain)
         on = self.factors.has_intervals
-        self.intervals_button.setText("Factors of the grain" if on else "Intervals of the grain")
+        self.intervals_button.setText(tr("Factors of the grain") if on else tr("Intervals of the grain"))

@@ -10,6 +10,7 @@ from mbstudio.core.errors import GenerationError
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import Population
 from mbstudio.scene.population_style import readable_scale
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.comparison_table import ComparisonTable
 from mbstudio.ui.widgets.forms import label, primary_button, row
 from mbstudio.ui.widgets.style_dock import FACTORS
@@ -46,10 +47,10 @@ class GeneratePage(QWidget):
         self.seed.setRange(0, 2**31 - 1)
         self.where = QPlainTextEdit()
         self.where.setPlaceholderText("sphericity=0.75..0.8\nD50=0.4 mm")
-        self.where.setAccessibleName("Conditions")
+        self.where.setAccessibleName(tr("Conditions"))
         self.where.setTabChangesFocus(True)
         self.where.setFixedHeight(64)
-        tip = (
+        tip = tr(
             "<p>What the clones are to be like, one condition a line: <i>sphericity=0.75..0.8</i> for every "
             "clone, <i>csf=0.7+-0.05</i> for mean and deviation, <i>D50=0.4 mm</i>, "
             "<i>sieve=0.3:10,0.4:55,0.6:100 mm</i>. Empty: like their parents.</p>"
@@ -57,18 +58,18 @@ class GeneratePage(QWidget):
         self.where.setToolTip(tip)
         self.refusal = label("", "refusal", wrap=True)
         self.refusal.hide()
-        conditions = label("Conditions", "key")
+        conditions = label(tr("Conditions"), "key")
         conditions.setBuddy(self.where)
         conditions.setToolTip(tip)
         self._clone = label("", "figure")
         self._facts = label("", "hint", wrap=True)
-        self.factors = ComparisonTable("Factors of the clone", _ROWS)
+        self.factors = ComparisonTable(tr("Factors of the clone"), _ROWS)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
         for part in (
-            row("Clones", self.count, "How many new grains"),
-            row("Seed", self.seed, "The same seed gives the same clones"),
+            row(tr("Clones"), self.count, tr("How many new grains")),
+            row(tr("Seed"), self.seed, tr("The same seed gives the same clones")),
             conditions,
             self.where,
             self.refusal,
@@ -88,15 +89,18 @@ class GeneratePage(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(8)
         self._hint = label("", "hint", wrap=True)
-        self.generate_button = primary_button("Generate")
-        self.cancel_button = QPushButton("Cancel")
-        self.report_button = QPushButton("Report…")
-        self.report_button.setToolTip("Write parents and clones compared as one HTML file")
-        self.populations_button, self.export_button = QPushButton("Populations"), QPushButton("Export…")
-        self.populations_button.setToolTip(
-            "Compare the clones with grains and avatars at station Populations"
+        self.generate_button = primary_button(tr("Generate"))
+        self.cancel_button = QPushButton(tr("Cancel"))
+        self.report_button = QPushButton(tr("Report…"))
+        self.report_button.setToolTip(tr("Write parents and clones compared as one HTML file"))
+        self.populations_button, self.export_button = (
+            QPushButton(tr("Populations")),
+            QPushButton(tr("Export…")),
         )
-        self.export_button.setToolTip("Write the clones for a DEM engine at station Export")
+        self.populations_button.setToolTip(
+            tr("Compare the clones with grains and avatars at station Populations")
+        )
+        self.export_button.setToolTip(tr("Write the clones for a DEM engine at station Export"))
         self._after = QWidget()
         line = QHBoxLayout(self._after)
         line.setContentsMargins(0, 0, 0, 0)
@@ -145,10 +149,11 @@ class GeneratePage(QWidget):
         if running:
             report = self._work.progress
             left = None if report is None else report.seconds_left
-            hint = "Drawing candidates …" if report is None else report.message
-            hint += f" · {readable_time(left)} left" if left else ""
+            hint = tr("Drawing candidates …") if report is None else report.message
+            if left:
+                hint = tr("{hint} · {time} left", hint=hint, time=readable_time(left))
         elif learner is None:
-            hint = "There is no style yet: learn or open one first."
+            hint = tr("There is no style yet: learn or open one first.")
         self._hint.setText(hint)
         self._hint.setVisible(bool(hint))
         self._show_clone()
@@ -162,21 +167,26 @@ class GeneratePage(QWidget):
             return
         counts = clones.counts
         if chosen is None:
-            self._clone.setText(f"{len(clones)} clones")
+            self._clone.setText(tr("{count} clones", count=len(clones)))
             self._facts.setText(
-                f"Of {counts.candidates} candidates {counts.valid} were valid as drawn and {counts.repaired} "
-                "were repaired. Click a clone in the view, or a row of the table, to look at it."
+                tr(
+                    "Of {candidates} candidates {valid} were valid as drawn and {repaired} were repaired. "
+                    "Click a clone in the view, or a row of the table, to look at it.",
+                    candidates=counts.candidates,
+                    valid=counts.valid,
+                    repaired=counts.repaired,
+                )
             )
         else:
             parent = int(clones.parents[chosen - 1])
             learner = self._workspace.style
             drawn = (
-                f"Drawn from {learner.parents.names[parent]}"
+                tr("Drawn from {parent}", parent=learner.parents.names[parent])
                 if learner is not None and 0 <= parent < len(learner.parents)
-                else "Drawn from no single parent"
+                else tr("Drawn from no single parent")
             )
-            self._clone.setText(f"Clone {chosen}")
-            self._facts.setText(f"{drawn} · n = {clones.clones.template.n} · valid")
+            self._clone.setText(tr("Clone {number}", number=chosen))
+            self._facts.setText(tr("{drawn} · n = {n} · valid", drawn=drawn, n=clones.clones.template.n))
         if factors is not None:
             self._fill(factors, chosen)
 
@@ -192,7 +202,7 @@ class GeneratePage(QWidget):
             ours.append(_text(scale * float(value)))
             theirs.append("" if assessed is None else _text(scale * float(np.nanmean(shown[1].column(name)))))
             units.append(FACTOR_NAMES[name].unit(unit))
-        heads = ["Mean" if chosen is None else f"Clone {chosen}", "Parents"]
+        heads = [tr("Mean") if chosen is None else tr("Clone {number}", number=chosen), tr("Parents")]
         columns = [ours, theirs]
         some = 2 if assessed is not None else 1
         self.factors.fill(heads[:some], columns[:some], units)

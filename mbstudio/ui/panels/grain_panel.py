@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
 
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.units import unit_label
+from mbstudio.ui.language import tr
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import NumberSlider, label, primary_button, quiet_button, row
@@ -34,7 +35,7 @@ class GrainPanel(Panel):
     find_asked = Signal(object)
 
     def __init__(self, workspace: Workspace, theme: Theme) -> None:
-        super().__init__("Grains", "Tell the grains from the pores and from each other.")
+        super().__init__(tr("Grains"), tr("Tell the grains from the pores and from each other."))
         self._workspace = workspace
         default = SegmentationSettings()
         self.smoothing = QDoubleSpinBox()
@@ -42,56 +43,65 @@ class GrainPanel(Panel):
         self.smoothing.setSingleStep(0.1)
         self.smoothing.setDecimals(1)
         self.threshold_kind = QComboBox()
-        self.threshold_kind.addItem("Automatic", False)
-        self.threshold_kind.addItem("By hand", True)
+        self.threshold_kind.addItem(tr("Automatic"), False)
+        self.threshold_kind.addItem(tr("By hand"), True)
         self.threshold = QDoubleSpinBox()
         self.threshold.setRange(-1e9, 1e9)
         self.threshold.setDecimals(1)
         self.splitting = NumberSlider(
-            "Split touching grains",
+            tr("Split touching grains"),
             0.0,
             1.0,
             default.splitting,
             0.01,
             "{:.2f}",
-            "How readily two grains that touch are told apart: too little merges them, too much breaks them",
-            ("seldom", "readily"),
+            tr(
+                "How readily two grains that touch are told apart: too little merges them, "
+                "too much breaks them"
+            ),
+            (tr("seldom"), tr("readily")),
         )
         self.smallest = QSpinBox()
         self.smallest.setRange(1, 1_000_000)
-        self.drop_border = QCheckBox("Leave out grains that the edge cuts")
-        self.find_button = primary_button("Find grains")
-        self.load_button = quiet_button("Load labels…")
+        self.drop_border = QCheckBox(tr("Leave out grains that the edge cuts"))
+        self.find_button = primary_button(tr("Find grains"))
+        self.load_button = quiet_button(tr("Load labels…"))
         self.load_button.setToolTip(
-            "Take a label image made elsewhere (ilastik and the like), of the scan's shape"
+            tr("Take a label image made elsewhere (ilastik and the like), of the scan's shape")
         )
         self._count = label("", "figure")
         self._inside = label("", "hint", wrap=True)
         self._histogram_name = label("", "hint")
-        self.histogram = Histogram(theme, "Histogram of nominal diameters")
+        self.histogram = Histogram(theme, tr("Histogram of nominal diameters"))
 
         self.add(
             row(
-                "Smoothing",
+                tr("Smoothing"),
                 self.smoothing,
-                "Standard deviation of the Gaussian filter before the threshold; 0: none",
-                "voxels",
+                tr("Standard deviation of the Gaussian filter before the threshold; 0: none"),
+                tr("voxels"),
             ),
             row(
-                "Threshold",
+                tr("Threshold"),
                 self.threshold_kind,
-                "Grey value that parts grains from pores; automatic: Otsu's, inside the field of view",
+                tr("Grey value that parts grains from pores; automatic: Otsu's, inside the field of view"),
             ),
         )
-        self._threshold_row = row("Grey value", self.threshold, "Voxels at least this bright are grain")
+        self._threshold_row = row(
+            tr("Grey value"), self.threshold, tr("Voxels at least this bright are grain")
+        )
         self.add(self._threshold_row, self.splitting)
-        self.add(row("Smallest grain", self.smallest, "Pieces with fewer voxels are left out", "voxels"))
+        self.add(
+            row(
+                tr("Smallest grain"), self.smallest, tr("Pieces with fewer voxels are left out"), tr("voxels")
+            )
+        )
         self.add(self.drop_border)
         self._result = QWidget()
         result = QVBoxLayout(self._result)
         result.setContentsMargins(0, 12, 0, 0)
         result.setSpacing(6)
-        result.addWidget(label("Found", "heading"))
+        result.addWidget(label(tr("Found"), "heading"))
         result.addWidget(self._count)
         result.addWidget(self._inside)
         result.addSpacing(6)
@@ -150,14 +160,16 @@ class GrainPanel(Panel):
         grains, scan = self._workspace.state.grains, self._workspace.scan
         self._result.setVisible(grains is not None)
         self._hint.setVisible(scan is None)
-        self._hint.setText("Open a scan first (station Scan).")
+        self._hint.setText(tr("Open a scan first (station Scan)."))
         if grains is None:
             return
         inside = len(grains.interior_labels)
-        self._count.setText(f"{len(grains):,} grains")
-        self._inside.setText(f"{inside:,} inside the scan, {len(grains) - inside:,} cut by its edge")
+        self._count.setText(tr("{count:,} grains", count=len(grains)))
+        self._inside.setText(
+            tr("{inside:,} inside the scan, {cut:,} cut by its edge", inside=inside, cut=len(grains) - inside)
+        )
         diameters = np.cbrt(6 * grains.table["volume"].to_numpy(float) / np.pi)
-        self._histogram_name.setText(f"Nominal diameter Dₙ [{unit_label(grains.unit)}]")
+        self._histogram_name.setText(tr("Nominal diameter Dₙ [{unit}]", unit=unit_label(grains.unit)))
         self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
         self.histogram.setVisible(len(grains) > 2)
 

@@ -21,8 +21,9 @@ from mbstudio.core.vae.latent_recipe import Operation
 from mbstudio.core.vae.meaning import HELD
 from mbstudio.core.vae.meaning_factors import MEANINGS
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.panels.panel import Panel
-from mbstudio.ui.widgets.factor_radar import TITLES, show_lights, standing
+from mbstudio.ui.widgets.factor_radar import PLAIN, TITLES, show_lights, standing
 from mbstudio.ui.widgets.forms import badge, label, primary_button, quiet_button
 from mbstudio.ui.widgets.value_slider import ValueSlider
 from mbstudio.ui.work.latent_work import LatentWork
@@ -31,7 +32,7 @@ _FIRST, _MORE = 8, 12
 """Sliders of components that are there at first, and that each “more” adds."""
 _MOST_NOISE = 1.0
 _BEYOND = 2.0
-_NOT_LEARNED = "The meanings are not learned: leave the station and come back to learn them."
+_NOT_LEARNED = mark("The meanings are not learned: leave the station and come back to learn them.")
 """Times as far as the parents reach go the sliders where that is allowed."""
 _WRITTEN = 1.0
 """Share of a slider's range by which a value written in its box may lie beyond it."""
@@ -50,7 +51,7 @@ class LatentPanel(Panel):
     style_asked = Signal()
 
     def __init__(self, work: LatentWork, icons: Icons) -> None:
-        super().__init__("Latent studio", "The surface follows the slider.")
+        super().__init__(tr("Latent studio"), tr("The surface follows the slider."))
         self._work, self._icons = work, icons
         self._seed = 0
         self._no_style()
@@ -71,16 +72,19 @@ class LatentPanel(Panel):
         layout.setSpacing(10)
         layout.addWidget(
             label(
-                "There is no style-learner yet. It is learned from at least five avatars of the same kind of "
-                "grain and then knows how such grains differ; here its latent variables get a handle each.",
+                tr(
+                    "There is no style-learner yet. It is learned from at least five avatars of the same "
+                    "kind of grain and then knows how such grains differ; here its latent variables get a "
+                    "handle each."
+                ),
                 "hint",
                 wrap=True,
             )
         )
-        self.open_button = primary_button("Open a style-learner…")
-        self.open_button.setToolTip("The folder that “mbstudio learn” or station Style wrote")
-        self.style_button = QPushButton("Learn one")
-        self.style_button.setToolTip("Go to the station where styles are learned")
+        self.open_button = primary_button(tr("Open a style-learner…"))
+        self.open_button.setToolTip(tr("The folder that “mbstudio learn” or station Style wrote"))
+        self.style_button = QPushButton(tr("Learn one"))
+        self.style_button.setToolTip(tr("Go to the station where styles are learned"))
         layout.addWidget(self.open_button)
         layout.addWidget(self.style_button)
         self.add(self._missing)
@@ -92,27 +96,27 @@ class LatentPanel(Panel):
         self._inner = QVBoxLayout(self._shaping)
         self._inner.setContentsMargins(0, 0, 0, 0)
         self._inner.setSpacing(9)
-        self._inner.addWidget(label("What it means", "heading"))
+        self._inner.addWidget(label(tr("What it means"), "heading"))
         self._learning = label("", "hint", wrap=True)
         self._inner.addWidget(self._learning)
         self.meanings: dict[str, ValueSlider] = {}
         for name in MEANINGS:
-            held = ", ".join(TITLES[other].split(" ")[0].lower() for other in HELD[name])
-            slider = ValueSlider(TITLES[name], self._icons, f"Holds still: {held}.")
+            held = ", ".join(tr(PLAIN[other]) for other in HELD[name])
+            slider = ValueSlider(tr(TITLES[name]), self._icons, tr("Holds still: {factors}.", factors=held))
             self.meanings[name] = slider
             self._inner.addWidget(slider)
         self.add(self._shaping)
 
     def _make_noise(self) -> None:
         self._inner.addSpacing(6)
-        self._inner.addWidget(label("Chance", "heading"))
+        self._inner.addWidget(label(tr("Chance"), "heading"))
         self.noise = ValueSlider(
-            "Noise σ", self._icons, "0 changes nothing, 1 strays as far as another parent", lock=False
+            tr("Noise σ"), self._icons, tr("0 changes nothing, 1 strays as far as another parent"), lock=False
         )
         self.noise.set_range(0.0, _MOST_NOISE, 0.0, decimals=2)
-        self.another, self.randomise = QPushButton("Another one"), QPushButton("Randomise")
-        self.another.setToolTip("Noise as strong, another way")
-        self.randomise.setToolTip("A new grain in the style of the parents; what is locked stays")
+        self.another, self.randomise = QPushButton(tr("Another one")), QPushButton(tr("Randomise"))
+        self.another.setToolTip(tr("Noise as strong, another way"))
+        self.randomise.setToolTip(tr("A new grain in the style of the parents; what is locked stays"))
         line = QHBoxLayout()
         line.addWidget(self.another)
         line.addWidget(self.randomise)
@@ -122,32 +126,34 @@ class LatentPanel(Panel):
 
     def _make_components(self) -> None:
         self._inner.addSpacing(6)
-        self._inner.addWidget(label("Latent variables, the strongest first", "heading"))
+        self._inner.addWidget(label(tr("Latent variables, the strongest first"), "heading"))
         self.components: dict[int, ValueSlider] = {}
         self._component_box = QVBoxLayout()
         self._component_box.setSpacing(9)
         self._inner.addLayout(self._component_box)
-        self.more = quiet_button("More latent variables")
+        self.more = quiet_button(tr("More latent variables"))
         self._inner.addWidget(self.more)
-        self.beyond = QCheckBox("Allow far outside the parents")
+        self.beyond = QCheckBox(tr("Allow far outside the parents"))
         self.beyond.setToolTip(
-            "Otherwise a grain is held at the edge of the parents' range, and what is held turns amber"
+            tr("Otherwise a grain is held at the edge of the parents' range, and what is held turns amber")
         )
         self._inner.addWidget(self.beyond)
 
     def _make_foot(self) -> None:
-        self.undo, self.redo, self.reset = (QPushButton(text) for text in ("Undo", "Redo", "Reset"))
-        self.keep = primary_button("Keep")
-        self.alike, self.count = QPushButton("More like this"), QSpinBox()
-        self.undo.setToolTip("Take the last step back (Ctrl+Z)")
-        self.redo.setToolTip("Make it again (Ctrl+Shift+Z)")
-        self.reset.setToolTip("Back to the grain before it was shaped")
-        self.keep.setToolTip("Put the grain into the gallery, with its recipe")
-        self.alike.setToolTip("Variations of this grain with the noise σ set above, into the gallery")
+        self.undo, self.redo, self.reset = (
+            QPushButton(text) for text in (tr("Undo"), tr("Redo"), tr("Reset"))
+        )
+        self.keep = primary_button(tr("Keep"))
+        self.alike, self.count = QPushButton(tr("More like this")), QSpinBox()
+        self.undo.setToolTip(tr("Take the last step back (Ctrl+Z)"))
+        self.redo.setToolTip(tr("Make it again (Ctrl+Shift+Z)"))
+        self.reset.setToolTip(tr("Back to the grain before it was shaped"))
+        self.keep.setToolTip(tr("Put the grain into the gallery, with its recipe"))
+        self.alike.setToolTip(tr("Variations of this grain with the noise σ set above, into the gallery"))
         self.count.setRange(1, 100)
         self.count.setValue(6)
         self.count.setFixedWidth(64)
-        self.count.setAccessibleName("Number of variations")
+        self.count.setAccessibleName(tr("Number of variations"))
         first, second = QHBoxLayout(), QHBoxLayout()
         for button in (self.undo, self.redo, self.reset):
             first.addWidget(button)
@@ -195,7 +201,9 @@ class LatentPanel(Panel):
 
     def _noise(self, sigma: float) -> Operation:
         given = {"sigma": sigma, "seed": self._seed, **self._work.locks()}
-        return Operation("noise", given, f"noise σ {sigma:.2f} (seed {self._seed})")
+        return Operation(
+            "noise", given, tr("noise σ {sigma:.2f} (seed {seed})", sigma=sigma, seed=self._seed)
+        )
 
     def _allow(self, on: bool) -> None:
         self._work.beyond = on
@@ -210,7 +218,7 @@ class LatentPanel(Panel):
     def _randomise(self) -> None:
         self._seed += 1
         given = {"seed": self._seed, **self._work.locks()}
-        self._work.commit(Operation("random", given, f"drawn (seed {self._seed})"))
+        self._work.commit(Operation("random", given, tr("drawn (seed {seed})", seed=self._seed)))
 
     def _more_like_this(self) -> None:
         sigma = self.noise.value or 0.3
@@ -226,7 +234,7 @@ class LatentPanel(Panel):
         self.edge.hide()
         self._missing.setVisible(learner is None and not work.is_opening)
         self._about.setVisible(learner is not None or work.is_opening)
-        self._about.setText("Measuring the parents …")
+        self._about.setText(tr("Measuring the parents …"))
         self._shaping.setVisible(learner is not None)
         for slider in self.components.values():
             slider.hide()
@@ -237,8 +245,13 @@ class LatentPanel(Panel):
             slider.lock.setChecked(False)
         if learner is not None:
             self._about.setText(
-                f"{len(learner.parents)} parents, preset “{learner.preset}”, {learner.dimension} latent "
-                "variables. Double-click a grain below to begin with it."
+                tr(
+                    "{parents} parents, preset “{preset}”, {dimension} latent variables. "
+                    "Double-click a grain below to begin with it.",
+                    parents=len(learner.parents),
+                    preset=learner.preset,
+                    dimension=learner.dimension,
+                )
             )
             assert work.about is not None
             self._order = [int(k) for k in np.argsort(-work.about.effects) if work.about.reach[k] > 1e-9]
@@ -252,7 +265,9 @@ class LatentPanel(Panel):
         assert stance is not None
         for k in self._order[len(self.components) : len(self.components) + count]:
             slider = ValueSlider(
-                f"z{k + 1}", self._icons, "Its effect: how much of the radius one deviation changes (rms)."
+                f"z{k + 1}",
+                self._icons,
+                tr("Its effect: how much of the radius one deviation changes (rms)."),
             )
             self.components[k] = slider
             self._set_range(k)
@@ -279,7 +294,7 @@ class LatentPanel(Panel):
 
     def _effect(self, k: int) -> str:
         about = self._work.about
-        return "" if about is None else f"effect {100 * about.effects[k]:.2g} %"
+        return "" if about is None else tr("effect {percent:.2g} %", percent=100 * about.effects[k])
 
     def _lock(self, k: int, on: bool) -> None:
         locked = self._work.locked_components
@@ -292,7 +307,9 @@ class LatentPanel(Panel):
             slider.setEnabled(known is not None)
         self._learning.setVisible(work.learner is not None and known is None)
         # Half a second: the status bar has its progress.
-        self._learning.setText("Learning what the latents mean …" if work.is_learning else _NOT_LEARNED)
+        self._learning.setText(
+            tr("Learning what the latents mean …") if work.is_learning else tr(_NOT_LEARNED)
+        )
         if known is None:
             return
         for row, (name, slider) in enumerate(self.meanings.items()):
@@ -337,7 +354,11 @@ class LatentPanel(Panel):
         strays = last is not None and last.kind == "noise"
         self.noise.set_value(float(last.given["sigma"]) if last is not None and strays else 0.0)
         words = [operation.words for operation in stance.operations] if stance is not None else []
-        shown = words if len(words) <= 4 else [words[0], f"… {len(words) - 3} steps …", *words[-2:]]
+        shown = (
+            words
+            if len(words) <= 4
+            else [words[0], tr("… {count} steps …", count=len(words) - 3), *words[-2:]]
+        )
         self._way.setText(" → ".join(shown))
         self._way.setVisible(bool(words))
 
@@ -359,7 +380,11 @@ class _Scale:
 
 
 def _reach(name: str, to: float) -> Operation:
-    return Operation("reach", {"meaning": name, "to": to}, f"{TITLES[name]} {to:+.2f} s.d.")
+    return Operation(
+        "reach",
+        {"meaning": name, "to": to},
+        tr("{factor} {deviations:+.2f} s.d.", factor=tr(TITLES[name]), deviations=to),
+    )
 
 
 def _component(k: int, to: float) -> Operation:

@@ -10,6 +10,7 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
 
 from mbstudio.core.units import unit_label
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.widgets.task_strip import readable_time
 from mbstudio.ui.work.style_work import FEW_FOR_NETWORKS, Asked, Parents, Source, StyleWork, percent
@@ -19,17 +20,25 @@ FEWEST = 5
 PRESETS = (
     (
         "aligned",
-        "Aligned network",
-        "A variational autoencoder whose control points correspond: closest clones.",
+        mark("Aligned network"),
+        mark("A variational autoencoder whose control points correspond: closest clones."),
     ),
-    ("pca", "Principal components", "The linear baseline: found at once, the better choice for few parents."),
-    ("paper", "As in the paper", "The paper's network on shuffled, rotated control points, for comparison."),
+    (
+        "pca",
+        mark("Principal components"),
+        mark("The linear baseline: found at once, the better choice for few parents."),
+    ),
+    (
+        "paper",
+        mark("As in the paper"),
+        mark("The paper's network on shuffled, rotated control points, for comparison."),
+    ),
 )
 _SOURCES = {
-    "inside": "Grains inside",
-    "chosen": "Chosen grains",
-    "avatars": "Avatars",
-    "folder": "Folder of meshes",
+    "inside": mark("Grains inside"),
+    "chosen": mark("Chosen grains"),
+    "avatars": mark("Avatars"),
+    "folder": mark("Folder of meshes"),
 }
 _UNITS = ("mm", "um", "cm", "m")
 _WIDE = 190
@@ -55,10 +64,10 @@ class LearnPage(QWidget):
         self._preset_is_chosen = False
         self.source, self.preset, self.unit = QComboBox(), QComboBox(), QComboBox()
         for name in get_args(Source):
-            self.source.addItem(_SOURCES[name], name)
+            self.source.addItem(tr(_SOURCES[name]), name)
         for name, title, tip in PRESETS:
-            self.preset.addItem(title, name)
-            self.preset.setItemData(self.preset.count() - 1, tip, 3)
+            self.preset.addItem(tr(title), name)
+            self.preset.setItemData(self.preset.count() - 1, tr(tip), 3)
         for unit in _UNITS:
             self.unit.addItem(unit_label(unit), unit)
         self.n, self.steps, self.seed = QSpinBox(), QSpinBox(), QSpinBox()
@@ -66,22 +75,22 @@ class LearnPage(QWidget):
         self.n.setValue(40)
         self.steps.setRange(0, 1_000_000)
         self.steps.setSingleStep(500)
-        self.steps.setSpecialValueText("as usual")
+        self.steps.setSpecialValueText(tr("as usual"))
         self.seed.setRange(0, 2**31 - 1)
         self.folder = QLineEdit()
-        self.folder.setPlaceholderText("Folder of STL, PLY, OBJ or OFF files")
-        self.folder.setAccessibleName("Folder of meshes")
-        browse = QPushButton("Browse…")
+        self.folder.setPlaceholderText(tr("Folder of STL, PLY, OBJ or OFF files"))
+        self.folder.setAccessibleName(tr("Folder of meshes"))
+        browse = QPushButton(tr("Browse…"))
         browse.clicked.connect(self.folder_asked)
         self._folder_rows = QWidget()
         self._explained = label("", "hint", wrap=True)
         self._advice = label("", "hint", wrap=True)
-        self.take_pca = quiet_button("Use principal components")
+        self.take_pca = quiet_button(tr("Use principal components"))
         self._card = label("", "hint", wrap=True)
         self._card_name = label("", "key", wrap=True)
-        self.open_button, self.save_button = QPushButton("Open…"), QPushButton("Save…")
-        self.open_button.setToolTip("Open the folder of a style-learner, as “mbstudio learn” writes it")
-        self.save_button.setToolTip("Write the style-learner into a folder, for “mbstudio generate” too")
+        self.open_button, self.save_button = QPushButton(tr("Open…")), QPushButton(tr("Save…"))
+        self.open_button.setToolTip(tr("Open the folder of a style-learner, as “mbstudio learn” writes it"))
+        self.save_button.setToolTip(tr("Write the style-learner into a folder, for “mbstudio generate” too"))
         self._lay_out(browse)
         self._make_foot()
         self._connect()
@@ -94,7 +103,7 @@ class LearnPage(QWidget):
         rows = QVBoxLayout(self._folder_rows)
         rows.setContentsMargins(0, 0, 0, 0)
         rows.addLayout(line)
-        rows.addWidget(row("Unit of the meshes", self.unit, "That the numbers in the files are in"))
+        rows.addWidget(row(tr("Unit of the meshes"), self.unit, tr("That the numbers in the files are in")))
         buttons = QHBoxLayout()
         buttons.addWidget(self.open_button)
         buttons.addWidget(self.save_button)
@@ -103,21 +112,25 @@ class LearnPage(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
         for part in (
-            row("Parents", self.source, "The bodies whose form and size are learned"),
+            row(tr("Parents"), self.source, tr("The bodies whose form and size are learned")),
             self._folder_rows,
-            row("Preset", self.preset, "Kind of style-learner"),
+            row(tr("Preset"), self.preset, tr("Kind of style-learner")),
             self._explained,
             self._advice,
             self.take_pca,
-            row("Control points n", self.n, "Of every parent's avatar and of every clone"),
-            row("Steps", self.steps, "Of the training; as usual: 4000, or 2000 below 100 parents (aligned)"),
-            row("Seed", self.seed, "The same seed gives the same style-learner"),
+            row(tr("Control points n"), self.n, tr("Of every parent's avatar and of every clone")),
+            row(
+                tr("Steps"),
+                self.steps,
+                tr("Of the training; as usual: 4000, or 2000 below 100 parents (aligned)"),
+            ),
+            row(tr("Seed"), self.seed, tr("The same seed gives the same style-learner")),
         ):
             layout.addWidget(part)
         for field in (self.source, self.preset):
             field.setFixedWidth(_WIDE)
         layout.addSpacing(8)
-        layout.addWidget(label("Style-learner", "heading"))
+        layout.addWidget(label(tr("Style-learner"), "heading"))
         layout.addWidget(self._card_name)
         layout.addWidget(self._card)
         layout.addLayout(buttons)
@@ -129,13 +142,13 @@ class LearnPage(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(8)
         self._hint = label("", "hint", wrap=True)
-        self.learn_button = primary_button("Learn")
-        self.on_button = QPushButton("Learn on")
-        self.on_button.setToolTip("Teach new grains to the style-learner without forgetting the old ones")
-        self.pause_button, self.stop_button = QPushButton("Pause"), QPushButton("Stop and keep")
-        self.cancel_button = QPushButton("Cancel")
-        self.stop_button.setToolTip("End the training and keep its best state")
-        self.cancel_button.setToolTip("Give up; the style-learner that was there stays")
+        self.learn_button = primary_button(tr("Learn"))
+        self.on_button = QPushButton(tr("Learn on"))
+        self.on_button.setToolTip(tr("Teach new grains to the style-learner without forgetting the old ones"))
+        self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
+        self.cancel_button = QPushButton(tr("Cancel"))
+        self.stop_button.setToolTip(tr("End the training and keep its best state"))
+        self.cancel_button.setToolTip(tr("Give up; the style-learner that was there stays"))
         self._running = QWidget()
         line = QHBoxLayout(self._running)
         line.setContentsMargins(0, 0, 0, 0)
@@ -214,7 +227,7 @@ class LearnPage(QWidget):
         model = self.source
         for place, name in enumerate(get_args(Source)):
             if name != "folder":
-                model.setItemText(place, f"{_SOURCES[name]} ({len(self._work.labels(name))})")
+                model.setItemText(place, f"{tr(_SOURCES[name])} ({len(self._work.labels(name))})")
         self._folder_rows.setVisible(self.source.currentData() == "folder")
         count = self._count()
         if not self._preset_is_chosen and count is not None:
@@ -223,11 +236,15 @@ class LearnPage(QWidget):
                 wanted = "pca" if FEWEST <= count < FEW_FOR_NETWORKS else "aligned"
                 self.preset.setCurrentIndex(self.preset.findData(wanted))
         preset = self.preset.currentData()
-        self._explained.setText(next(words for name, _, words in PRESETS if name == preset))
+        self._explained.setText(tr(next(words for name, _, words in PRESETS if name == preset)))
         few = count is not None and FEWEST <= count < FEW_FOR_NETWORKS and preset != "pca"
         self._advice.setText(
-            f"With {count} parents, fewer than {FEW_FOR_NETWORKS}, principal components reproduce grains "
-            "that they have not seen better than a network."
+            tr(
+                "With {count} parents, fewer than {enough}, principal components reproduce grains "
+                "that they have not seen better than a network.",
+                count=count,
+                enough=FEW_FOR_NETWORKS,
+            )
         )
         self._advice.setVisible(few)
         self.take_pca.setVisible(few)
@@ -248,12 +265,16 @@ class LearnPage(QWidget):
         learner = self._workspace.style
         self.learn_button.setVisible(not running)
         self.learn_button.setEnabled(ready)
-        self.learn_button.setText("Learn" if count is None or not ready else f"Learn from {count} parents")
+        self.learn_button.setText(
+            tr("Learn") if count is None or not ready else tr("Learn from {count} parents", count=count)
+        )
         may_go_on = learner is not None and (bool(folder and ready) or new > 0)
         self.on_button.setVisible(not running and may_go_on)
-        self.on_button.setText("Learn on" if folder else f"Learn on from {new} new parents")
+        self.on_button.setText(
+            tr("Learn on") if folder else tr("Learn on from {count} new parents", count=new)
+        )
         self._running.setVisible(running)
-        self.pause_button.setText("Resume" if self._work.is_paused else "Pause")
+        self.pause_button.setText(tr("Resume") if self._work.is_paused else tr("Pause"))
         self.stop_button.setEnabled(self._work.is_training)
         hint = self._progress() if running else "" if ready else self._why_not(folder, count)
         self._hint.setText(hint)
@@ -263,43 +284,55 @@ class LearnPage(QWidget):
         """Return what runs, how far it is and how long it takes still."""
         report = self._work.progress
         if self._work.is_paused:
-            return "Paused."
+            return tr("Paused.")
         if report is None:
-            return "Waiting for its turn."
-        left = "" if report.seconds_left is None else f" · {readable_time(report.seconds_left)} left"
-        what = "Training" if self._work.is_training else "Serializing"
-        return f"{what}: {report.message[:1].lower()}{report.message[1:]}{left}"
+            return tr("Waiting for its turn.")
+        what = tr("Training") if self._work.is_training else tr("Serializing")
+        hint = f"{what}: {report.message[:1].lower()}{report.message[1:]}"
+        if report.seconds_left is None:
+            return hint
+        return tr("{hint} · {time} left", hint=hint, time=readable_time(report.seconds_left))
 
     def _why_not(self, folder: bool, count: int | None) -> str:
         if folder:
-            return "Choose a folder of meshes."
+            return tr("Choose a folder of meshes.")
         if self._workspace.state.grains is None and not count:
-            return "No grains yet: find them first (station Grains), or learn from a folder of meshes."
-        return f"A style needs {FEWEST} parents at least; here are {count}."
+            return tr("No grains yet: find them first (station Grains), or learn from a folder of meshes.")
+        return tr("A style needs {fewest} parents at least; here are {count}.", fewest=FEWEST, count=count)
 
     def _show_card(self) -> None:
         learner = self._workspace.style
         self.save_button.setEnabled(learner is not None)
         if learner is None:
-            self._card_name.setText("None yet")
-            self._card.setText("Learn one above, or open one that was saved.")
+            self._card_name.setText(tr("None yet"))
+            self._card.setText(tr("Learn one above, or open one that was saved."))
             return
         card = learner.card
         title = next(title for name, title, _ in PRESETS if name == card.preset)
         unit = unit_label(card.unit)
-        self._card_name.setText(f"{title} of {card.count} parents")
+        self._card_name.setText(tr("{preset} of {count} parents", preset=tr(title), count=card.count))
         errors = [
-            f"{words} {percent(value)}"
+            tr(words, error=percent(value))
             for words, value in (
-                ("Held-out error", card.held_out_rms), ("of those seen", card.trained_rms),
-                ("avatars of their grains", card.parents_rms),
+                (mark("Held-out error {error}"), card.held_out_rms),
+                (mark("of those seen {error}"), card.trained_rms),
+                (mark("avatars of their grains {error}"), card.parents_rms),
             )
             if np.isfinite(value)
-        ]  # fmt: skip
+        ]
         lines = [
-            f"n = {card.n} · {card.latents} latents · Dₙ {card.smallest:.3g} to {card.largest:.3g} {unit}",
-            (", ".join(errors) + " (RMS distance in % of Dₙ)") if errors else "",
-            f"Steps {card.steps} · seed {card.seed}" if card.steps else f"Seed {card.seed}",
+            tr(
+                "n = {n} · {latents} latents · Dₙ {smallest:.3g} to {largest:.3g} {unit}",
+                n=card.n,
+                latents=card.latents,
+                smallest=card.smallest,
+                largest=card.largest,
+                unit=unit,
+            ),
+            tr("{errors} (RMS distance in % of Dₙ)", errors=", ".join(errors)) if errors else "",
+            tr("Steps {steps} · seed {seed}", steps=card.steps, seed=card.seed)
+            if card.steps
+            else tr("Seed {seed}", seed=card.seed),
             *card.notes,
         ]
         self._card.setText("\n".join(line for line in lines if line))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QToolButton, QVBoxLayout, QWidget
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label
 
 WIDTH = 344
@@ -27,8 +28,8 @@ class Panel(QFrame):
         self.body.setContentsMargins(20, 18, 20, 18)
         self.body.setSpacing(10)
         self.help = QToolButton()
-        self.help.setToolTip(f"What the guide says about station {title} (F1)")
-        self.help.setAccessibleName(f"Guide: {title}")
+        self.help.setToolTip(tr("What the guide says about station {title} (F1)", title=title))
+        self.help.setAccessibleName(tr("Guide: {title}", title=title))
         head = QHBoxLayout()
         head.addWidget(label(title, "title"), 1)
         head.addWidget(self.help, 0, Qt.AlignmentFlag.AlignTop)

@@ -12,6 +12,7 @@ from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.metrics.shape_factors import CORE_FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.core.populations.sieving import SERIES_NAMES
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.widgets.comparison_table import (
     FACTOR_ROWS,
@@ -27,9 +28,9 @@ from mbstudio.ui.workspace import Workspace
 
 _WIDE = 200  # pixels: names of factors are long
 _AXES = (
-    ("Oriented box", "obb", "Edges of the oriented bounding box of least volume"),
-    ("Feret", "feret", "Caliper (Feret) diameters"),
-    ("Inertia", "inertia", "Axes of the homogeneous ellipsoid with the same inertia"),
+    (mark("Oriented box"), "obb", mark("Edges of the oriented bounding box of least volume")),
+    (mark("Feret"), "feret", mark("Caliper (Feret) diameters")),
+    (mark("Inertia"), "inertia", mark("Axes of the homogeneous ellipsoid with the same inertia")),
 )
 
 
@@ -47,43 +48,57 @@ class PopulationPanel(Panel):
     report_asked = Signal()
 
     def __init__(self, workspace: Workspace, work: PopulationWork) -> None:
-        super().__init__("Populations", "How grains and avatars are distributed, and how far apart they are.")
+        super().__init__(
+            tr("Populations"), tr("How grains and avatars are distributed, and how far apart they are.")
+        )
         self._workspace, self._work = workspace, work
-        self.scope, self.axes, self.detail = QComboBox(), QComboBox(), QCheckBox("Detailed factors (slower)")
-        self.scope.addItem("With an avatar", "fitted")
-        self.scope.addItem("All inside", "inside")
+        self.scope, self.axes, self.detail = (
+            QComboBox(),
+            QComboBox(),
+            QCheckBox(tr("Detailed factors (slower)")),
+        )
+        self.scope.addItem(tr("With an avatar"), "fitted")
+        self.scope.addItem(tr("All inside"), "inside")
         for title, name, tip in _AXES:
-            self.axes.addItem(title, name)
-            self.axes.setItemData(self.axes.count() - 1, tip, 3)
+            self.axes.addItem(tr(title), name)
+            self.axes.setItemData(self.axes.count() - 1, tr(tip), 3)
         self.detail.setToolTip(
-            "Also convexity, inscribed and enclosing sphere, Feret diameters, roundness, roughness and the "
-            "bands of spherical harmonics: about five times as long"
+            tr(
+                "Also convexity, inscribed and enclosing sphere, Feret diameters, roundness, roughness and "
+                "the bands of spherical harmonics: about five times as long"
+            )
         )
         self.factor, self.second, self.by, self.sieves = QComboBox(), QComboBox(), QComboBox(), QComboBox()
-        self.by.addItem("By number", "number")
-        self.by.addItem("By mass", "volume")
-        self.sieves.addItem("Every body's size", None)
+        self.by.addItem(tr("By number"), "number")
+        self.by.addItem(tr("By mass"), "volume")
+        self.sieves.addItem(tr("Every body's size"), None)
         for name, title in SERIES_NAMES.items():
             self.sieves.addItem(title, name)
         self._offer(CORE_FACTORS)
         self.add(
-            row("Grains", self.scope, "Grains that have an avatar, or all that the edge does not cut"),
-            row("Axes", self.axes, "How the axes a ≥ b ≥ c of a body are found"),
+            row(
+                tr("Grains"), self.scope, tr("Grains that have an avatar, or all that the edge does not cut")
+            ),
+            row(tr("Axes"), self.axes, tr("How the axes a ≥ b ≥ c of a body are found")),
             self.detail,
         )
-        self.add_heading("Factor")
+        self.add_heading(tr("Factor"))
         self.add(
-            row("Factor", self.factor, "Shape factor of the distributions, and across in the pairs"),
-            row("Against", self.second, "Upwards in the pairs"),
-            row("Weighting", self.by, "Every body alike, or by its volume (mass at one density)"),
+            row(tr("Factor"), self.factor, tr("Shape factor of the distributions, and across in the pairs")),
+            row(tr("Against"), self.second, tr("Upwards in the pairs")),
+            row(tr("Weighting"), self.by, tr("Every body alike, or by its volume (mass at one density)")),
         )
-        self.statistics = ComparisonTable("Statistics of the factor", FACTOR_ROWS)
-        self.sizes = ComparisonTable("Sizes by mass", SIZE_ROWS)
+        self.statistics = ComparisonTable(tr("Statistics of the factor"), FACTOR_ROWS)
+        self.sizes = ComparisonTable(tr("Sizes by mass"), SIZE_ROWS)
         self._sizes_note = label("", "hint", wrap=True)
         self.add(self.statistics)
-        self.add_heading("Particle size by mass")
+        self.add_heading(tr("Particle size by mass"))
         self.add(
-            row("Read at", self.sieves, "Percent finer at every body's intermediate axis b, or on sieves"),
+            row(
+                tr("Read at"),
+                self.sieves,
+                tr("Percent finer at every body's intermediate axis b, or on sieves"),
+            ),
             self.sizes,
             self._sizes_note,
         )
@@ -91,9 +106,11 @@ class PopulationPanel(Panel):
             field.setFixedWidth(_WIDE)
         self.body.addStretch(1)
         self._hint = label("", "hint", wrap=True)
-        self.measure_button = primary_button("Measure")
-        self.report_button = QPushButton("Report…")
-        self.report_button.setToolTip("Write tables and figures as one HTML file, as “mbstudio report” does")
+        self.measure_button = primary_button(tr("Measure"))
+        self.report_button = QPushButton(tr("Report…"))
+        self.report_button.setToolTip(
+            tr("Write tables and figures as one HTML file, as “mbstudio report” does")
+        )
         line = QHBoxLayout()
         line.addWidget(self.measure_button, 1)
         line.addWidget(self.report_button)
@@ -173,20 +190,20 @@ class PopulationPanel(Panel):
     def _write_hint(self) -> None:
         work, state, chosen = self._work, self._workspace.state, self._workspace.chosen
         if state.grains is None:
-            text = "Find the grains first (station Grains)."
+            text = tr("Find the grains first (station Grains).")
         elif work.is_measuring:
-            text = "Measuring … the status bar shows how far it is, and can cancel it."
+            text = tr("Measuring … the status bar shows how far it is, and can cancel it.")
         elif work.measured is None:
-            text = "Nothing was measured yet."
+            text = tr("Nothing was measured yet.")
         elif not work.is_current:
-            text = "Out of date: grains, avatars or settings have changed since."
+            text = tr("Out of date: grains, avatars or settings have changed since.")
         elif chosen:
             listed = ", ".join(map(str, sorted(chosen)[:8])) + (" …" if len(chosen) > 8 else "")
-            text = f"{len(chosen)} chosen: grain {listed}."
+            text = tr("{count} chosen: grain {labels}.", count=len(chosen), labels=listed)
         else:
-            text = "No grain chosen: click or drag in a plot, the view or the table."
+            text = tr("No grain chosen: click or drag in a plot, the view or the table.")
         self._hint.setText(text)
-        self.measure_button.setText("Measure again" if work.measured is not None else "Measure")
+        self.measure_button.setText(tr("Measure again") if work.measured is not None else tr("Measure"))
         self.measure_button.setEnabled(
             state.grains is not None and not work.is_measuring and not work.is_current
         )

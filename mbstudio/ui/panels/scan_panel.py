@@ -10,13 +10,17 @@ from superqt import QDoubleRangeSlider
 from mbstudio.core.scan import Scan
 from mbstudio.scene.annotations import readable_length
 from mbstudio.scene.slices import AXES, sample_of_voxels
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.panels.panel import Panel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import SliceSlider, label, primary_button
 from mbstudio.ui.widgets.plots import Histogram
 from mbstudio.ui.workspace import Workspace
 
-_FRAMES = {"x": "reddish", "y": "green", "z": "blue"}
+_FRAMES = {"x": mark("reddish"), "y": mark("green"), "z": mark("blue")}
+_FACTS = (
+    mark("File"), mark("Voxels"), mark("Voxel size"), mark("Size"), mark("Grey values"), mark("Memory"),
+)  # fmt: skip
 
 
 class ScanPanel(Panel):
@@ -35,33 +39,37 @@ class ScanPanel(Panel):
     window_changed = Signal(float, float)
 
     def __init__(self, workspace: Workspace, theme: Theme) -> None:
-        super().__init__("Scan", "The CT stack that the grains are found in.")
+        super().__init__(tr("Scan"), tr("The CT stack that the grains are found in."))
         self._workspace = workspace
-        self.open_button = primary_button("Open scan…")
-        self.sample_button = QPushButton("Try the sample")
-        self.sample_button.setToolTip("A synthetic scan of grains in contact, which mbstudio makes itself")
+        self.open_button = primary_button(tr("Open scan…"))
+        self.sample_button = QPushButton(tr("Try the sample"))
+        self.sample_button.setToolTip(
+            tr("A synthetic scan of grains in contact, which mbstudio makes itself")
+        )
         self._facts = QWidget()
         grid = QGridLayout(self._facts)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setVerticalSpacing(7)
         grid.setColumnStretch(1, 1)
         self._values: dict[str, QLabel] = {}
-        for number, name in enumerate(("File", "Voxels", "Voxel size", "Size", "Grey values", "Memory")):
+        for number, name in enumerate(_FACTS):
             value = label("", "value", wrap=True)
             value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             value.setAlignment(Qt.AlignmentFlag.AlignRight)
-            grid.addWidget(label(name, "key"), number, 0, Qt.AlignmentFlag.AlignTop)
+            grid.addWidget(label(tr(name), "key"), number, 0, Qt.AlignmentFlag.AlignTop)
             grid.addWidget(value, number, 1)
             self._values[name] = value
-        self.histogram = Histogram(theme, "Histogram of grey values, the count on a log scale")
+        self.histogram = Histogram(theme, tr("Histogram of grey values, the count on a log scale"))
         self.range = QDoubleRangeSlider(Qt.Orientation.Horizontal)
-        self.range.setToolTip("Grey values shown black and white")
-        self.range.setAccessibleName("Grey values shown black and white")
+        self.range.setToolTip(tr("Grey values shown black and white"))
+        self.range.setAccessibleName(tr("Grey values shown black and white"))
         self._range_text = label("", "hint")
-        self.sliders = {axis: SliceSlider(axis, _FRAMES[axis]) for axis in AXES}
+        self.sliders = {axis: SliceSlider(axis, tr(_FRAMES[axis])) for axis in AXES}
         self._empty = label(
-            "No scan yet. Open a TIFF stack, a folder of slices, or a RAW, NPY, NRRD or MetaImage file – "
-            "or drop one onto the window. The sample shows every step without a file of your own.",
+            tr(
+                "No scan yet. Open a TIFF stack, a folder of slices, or a RAW, NPY, NRRD or MetaImage file – "
+                "or drop one onto the window. The sample shows every step without a file of your own."
+            ),
             "hint",
             wrap=True,
         )
@@ -69,8 +77,8 @@ class ScanPanel(Panel):
         self.add(self._empty)
         self._shown_with_scan: list[QWidget] = [self._facts]
         self.add(self._facts)
-        self._group("Grey values", self.histogram, self.range, self._range_text)
-        self._group("Slices", *self.sliders.values())
+        self._group(tr("Grey values"), self.histogram, self.range, self._range_text)
+        self._group(tr("Slices"), *self.sliders.values())
         self.body.addStretch(1)
         self.foot.addWidget(self.open_button)
         self.foot.addWidget(self.sample_button)
@@ -103,7 +111,7 @@ class ScanPanel(Panel):
         for widget in self._shown_with_scan[1:]:
             widget.setVisible(scan is not None)
         if reference is not None:
-            self._values["File"].setText(reference.path.name if reference.path else "made by mbstudio")
+            self._values["File"].setText(reference.path.name if reference.path else tr("made by mbstudio"))
             self._values["File"].setToolTip(str(reference.path or ""))
             self._values["Voxels"].setText(
                 " × ".join(f"{count}" for count in reference.shape) + "  (z, y, x)"
@@ -115,8 +123,10 @@ class ScanPanel(Panel):
             )
             self._values["Grey values"].setText(reference.dtype)
             size = int(np.prod(reference.shape)) * np.dtype(reference.dtype).itemsize
-            place = ", read from disk as needed" if scan is not None and scan.is_memory_mapped else ""
-            self._values["Memory"].setText(f"{size / 2**20:,.1f} MB{place}")
+            memory = f"{size / 2**20:,.1f} MB"
+            if scan is not None and scan.is_memory_mapped:
+                memory = tr("{size}, read from disk as needed", size=memory)
+            self._values["Memory"].setText(memory)
         if scan is not None:
             self._show_scan(scan)
 
@@ -135,7 +145,7 @@ class ScanPanel(Panel):
         self.window_changed.emit(*values)
 
     def _write_range(self, low: float, high: float) -> None:
-        self._range_text.setText(f"Black {_grey(low)}   ·   white {_grey(high)}")
+        self._range_text.setText(tr("Black {black}   ·   white {white}", black=_grey(low), white=_grey(high)))
 
 
 def _grey(value: float) -> str:

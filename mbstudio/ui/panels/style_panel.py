@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtWidgets import QTabBar
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.panels.generate_page import GeneratePage
 from mbstudio.ui.panels.learn_page import LearnPage
 from mbstudio.ui.panels.panel import Panel
@@ -16,15 +17,17 @@ class StylePanel(Panel):
     """Two pages, to learn and to generate, each with its buttons at the foot."""
 
     def __init__(self, workspace: Workspace, styles: StyleWork, clones: CloneWork) -> None:
-        super().__init__("Style", "MetaballVAE learns the form of grains and generates new ones like them.")
+        super().__init__(
+            tr("Style"), tr("MetaballVAE learns the form of grains and generates new ones like them.")
+        )
         self.learn = LearnPage(workspace, styles)
         self.generate = GeneratePage(workspace, clones)
         self.tabs = QTabBar()
         self.tabs.setExpanding(True)
         self.tabs.setDrawBase(False)
-        self.tabs.setAccessibleName("Learn or generate")
-        self.tabs.addTab("Learn")
-        self.tabs.addTab("Generate")
+        self.tabs.setAccessibleName(tr("Learn or generate"))
+        self.tabs.addTab(tr("Learn"))
+        self.tabs.addTab(tr("Generate"))
         self.add(self.tabs, self.learn, self.generate)
         self.body.addStretch(1)
         self.foot.addWidget(self.learn.foot)

@@ -8,6 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 from pyvistaqt import QtInteractor
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.viewport.viewport import Viewport
 
 
@@ -21,7 +22,7 @@ class OpenGLViewport(Viewport):
         # auto_update would render on a timer for ever.
         self.plotter = QtInteractor(self, auto_update=False, multi_samples=4)
         self.plotter.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.plotter.setAccessibleName("3-D view")
+        self.plotter.setAccessibleName(tr("3-D view"))
         self.plotter.setMouseTracking(True)
         self.plotter.installEventFilter(self)
         # A dropped file belongs to the window, not to pyvistaqt.

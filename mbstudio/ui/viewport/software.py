@@ -18,6 +18,7 @@ from PySide6.QtWidgets import QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.viewport.viewport import Viewport
 
 BUDGET = 0.03  # seconds that a picture may take while things move
@@ -42,7 +43,7 @@ class SoftwareViewport(Viewport):
         super().__init__(parent)
         self.plotter = pv.Plotter(off_screen=True, window_size=[640, 480])
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setAccessibleName("3-D view")
+        self.setAccessibleName(tr("3-D view"))
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self._image: QImage | None = None

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QDialog, QHBoxLayout, QLabel, QPushButton, QVBoxLa
 import mbstudio
 from mbstudio.core.batch.processes import processors
 from mbstudio.ui.icons import application_icon
+from mbstudio.ui.language import tr
 from mbstudio.ui.memory import memory_used
 from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label, primary_button
@@ -27,9 +28,12 @@ def system_information(viewport: Viewport) -> str:
         platform.platform(),
     ]
     lines += [f"{name} {version(name)}" for name in _LIBRARIES]
-    lines.append(f"{processors()} processors, {memory_used() / 2**20:.0f} MB in use")
+    lines.append(
+        tr("{count} processors, {memory:.0f} MB in use", count=processors(), memory=memory_used() / 2**20)
+    )
     window = getattr(viewport.plotter, "render_window", None)
-    lines.append(f"3-D view: {viewport.kind}, {window.GetClassName() if window else 'closed'}")
+    shown = window.GetClassName() if window else tr("closed")
+    lines.append(tr("3-D view: {kind}, {window}", kind=viewport.kind, window=shown))
     return "\n".join(lines)
 
 
@@ -39,7 +43,7 @@ class AboutBox(QDialog):
     def __init__(self, viewport: Viewport, parent: QWidget) -> None:
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        self.setWindowTitle("About MetaBall Studio")
+        self.setWindowTitle(tr("About MetaBall Studio"))
         text = system_information(viewport)
         picture = QLabel()
         picture.setPixmap(application_icon().pixmap(72, 72))
@@ -49,15 +53,15 @@ class AboutBox(QDialog):
         layout.addWidget(picture)
         layout.addWidget(label("MetaBall Studio", "title"))
         layout.addWidget(
-            label("CT scans of grains to metaball avatars for DEM. MIT licence.", "subtitle", wrap=True)
+            label(tr("CT scans of grains to metaball avatars for DEM. MIT licence."), "subtitle", wrap=True)
         )
         versions = label(text, "hint")
         versions.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         layout.addWidget(versions)
-        copy = QPushButton("Copy system information")
-        copy.setToolTip("Versions, graphics, processors and memory, for a report of a mistake")
+        copy = QPushButton(tr("Copy system information"))
+        copy.setToolTip(tr("Versions, graphics, processors and memory, for a report of a mistake"))
         copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(text))
-        close = primary_button("Close")
+        close = primary_button(tr("Close"))
         close.clicked.connect(self.accept)
         line = QHBoxLayout()
         line.addStretch(1)

@@ -7,6 +7,7 @@ from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QPushButton, QToolButton, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label, rule
 from mbstudio.ui.widgets.grain_strip import GrainSlot
 from mbstudio.ui.widgets.value_slider import ValueSlider
@@ -43,33 +44,41 @@ class BlendPage(QWidget):
     def __init__(self, icons: Icons) -> None:
         super().__init__()
         self.slots = {
-            letter: GrainSlot(letter, f"Drop a grain here as {letter}, or click to take the chosen one")
+            letter: GrainSlot(
+                letter,
+                tr("Drop a grain here as {letter}, or click to take the chosen one", letter=letter),
+            )
             for letter in LETTERS
         }
-        self.share = ValueSlider("From A to B", icons, "0 is A, 1 is B", lock=False)
+        self.share = ValueSlider(tr("From A to B"), icons, tr("0 is A, 1 is B"), lock=False)
         self.share.set_range(0.0, 1.0, 0.5, decimals=2)
-        self.strength = ValueSlider("Strength s", icons, "How much of the difference is added", lock=False)
+        self.strength = ValueSlider(
+            tr("Strength s"), icons, tr("How much of the difference is added"), lock=False
+        )
         self.strength.set_range(-2.0, 2.0, 0.0, decimals=2)
         self.strength.set_value(1.0)
-        self.told = QCheckBox("As the factors tell")
+        self.told = QCheckBox(tr("As the factors tell"))
         self.told.setChecked(True)
         self.told.setToolTip(
-            "The factors of C change as those of A differ from B's; a plain sum of latents is always rougher"
+            tr(
+                "The factors of C change as those of A differ from B's; a plain sum of latents is always "
+                "rougher"
+            )
         )
-        self.ghosts = QCheckBox("A and B as ghosts")
-        self.play, self.animation = QToolButton(), QPushButton("Save animation…")
+        self.ghosts = QCheckBox(tr("A and B as ghosts"))
+        self.play, self.animation = QToolButton(), QPushButton(tr("Save animation…"))
         self.animation.setToolTip(
-            "The way from A to B as GIF, numbered pictures or MP4, in steps of equal change"
+            tr("The way from A to B as GIF, numbered pictures or MP4, in steps of equal change")
         )
         self.play.setCheckable(True)
-        self.play.setToolTip("Play the way from A to B and back")
-        self.play.setAccessibleName("Play")
+        self.play.setToolTip(tr("Play the way from A to B and back"))
+        self.play.setAccessibleName(tr("Play"))
         self.play.setIconSize(QSize(20, 20))
         self._icons = icons
         icons.set(self.play, "ph.play-fill")
-        self.strip = [GrainSlot("", "Show this step", 52) for _ in STRIP]
+        self.strip = [GrainSlot("", tr("Show this step"), 52) for _ in STRIP]
         self.terms = {letter: GrainSlot("", letter, 52) for letter in (*LETTERS, "=")}
-        self.apply = QPushButton("Show the sum")
+        self.apply = QPushButton(tr("Show the sum"))
         self._hint = label("", "hint", wrap=True)
         self._lay_out()
         self._beat = QTimer(self)
@@ -108,7 +117,7 @@ class BlendPage(QWidget):
         options.addWidget(self.animation)
         layout.addLayout(options)
         layout.addWidget(rule())
-        layout.addWidget(label("Arithmetic: C + s (A − B)", "heading"))
+        layout.addWidget(label(tr("Arithmetic: C + s (A − B)"), "heading"))
         equation = QHBoxLayout()
         equation.setSpacing(0)
         for sign, key in (("", "C"), ("+ s (", "A"), ("−", "B"), (") =", "=")):
@@ -156,7 +165,12 @@ class BlendPage(QWidget):
         self.told.setEnabled(three and knows_meanings)
         missing = [letter for letter in LETTERS if letter not in filled]
         self._hint.setText(
-            f"Choose a grain below and click {' or '.join(missing)}, or drag it there." if missing else ""
+            tr(
+                "Choose a grain below and click {letters}, or drag it there.",
+                letters=tr(" or ").join(missing),
+            )
+            if missing
+            else ""
         )
         self._hint.setVisible(bool(missing))
         if not two:
@@ -169,7 +183,7 @@ class BlendPage(QWidget):
 
     def set_sum(self, picture: QPixmap | None) -> None:
         """Show what the equation gives."""
-        self.terms["="].set_grain("sum", picture)
+        self.terms["="].set_grain(tr("sum"), picture)
 
     def set_step(self, place: int, picture: QPixmap | None) -> None:
         """Show a step between A and B."""

@@ -19,14 +19,16 @@ from PySide6.QtWidgets import (
 
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.body_list import Bodies, BodyList, rows_in_order
 from mbstudio.ui.widgets.forms import label, quiet_button
 
 KINDS = ("grains", "avatars", "clones")
+_TITLES = {"grains": mark("Grains"), "avatars": mark("Avatars"), "clones": mark("Clones")}
 _HINTS = {
-    "grains": "There are no grains yet.\nFind them at station Grains.",
-    "avatars": "There are no avatars yet.\nFit them at station Fit.",
-    "clones": "There are no clones yet.\nGenerate them at station Style.",
+    "grains": mark("There are no grains yet.\nFind them at station Grains."),
+    "avatars": mark("There are no avatars yet.\nFit them at station Fit."),
+    "clones": mark("There are no clones yet.\nGenerate them at station Style."),
 }
 
 
@@ -44,7 +46,7 @@ class RangeRow(QWidget):
         super().__init__()
         self._bodies = bodies
         self.factor = QComboBox()
-        self.factor.setAccessibleName("Factor of the range")
+        self.factor.setAccessibleName(tr("Factor of the range"))
         for name in bodies.columns:
             known, unit = FACTOR_NAMES[name], FACTOR_NAMES[name].unit(bodies.unit)
             words = known.symbol or known.title
@@ -53,22 +55,22 @@ class RangeRow(QWidget):
                 self.factor.count() - 1, known.heading(bodies.unit), Qt.ItemDataRole.ToolTipRole
             )
         self.low, self.high = QDoubleSpinBox(), QDoubleSpinBox()
-        for field, words in ((self.low, "from"), (self.high, "to")):
-            field.setAccessibleName(f"Range {words}")
+        for field, words in ((self.low, tr("Range from")), (self.high, tr("Range to"))):
+            field.setAccessibleName(words)
             field.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
             field.setFixedWidth(74)
             field.setKeyboardTracking(False)
             field.valueChanged.connect(lambda _: self.changed.emit())
         self.remove = QToolButton()
         icons.set(self.remove, "ph.x")
-        self.remove.setToolTip("Remove this range")
-        self.remove.setAccessibleName("Remove this range")
+        self.remove.setToolTip(tr("Remove this range"))
+        self.remove.setAccessibleName(tr("Remove this range"))
         layout = QHBoxLayout(self)
         layout.setContentsMargins(14, 0, 8, 4)
         layout.setSpacing(6)
         layout.addWidget(self.factor, 1)
         layout.addWidget(self.low)
-        layout.addWidget(label("to", "key"))
+        layout.addWidget(label(tr("to"), "key"))
         layout.addWidget(self.high)
         layout.addWidget(self.remove)
         self.factor.currentIndexChanged.connect(lambda _: self._take_factor())
@@ -123,24 +125,24 @@ class BodyGallery(QFrame):
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
-        self.tabs.setAccessibleName("Kind of bodies")
+        self.tabs.setAccessibleName(tr("Kind of bodies"))
         for kind in KINDS:
-            self.tabs.addTab(kind.capitalize())
+            self.tabs.addTab(tr(_TITLES[kind]))
         self.sort = QComboBox()
-        self.sort.setAccessibleName("Order by")
+        self.sort.setAccessibleName(tr("Order by"))
         self.falling = QToolButton()
         self.falling.setCheckable(True)
         icons.set(self.falling, "ph.sort-descending")
-        self.falling.setToolTip("Largest first")
-        self.falling.setAccessibleName("Largest first")
+        self.falling.setToolTip(tr("Largest first"))
+        self.falling.setAccessibleName(tr("Largest first"))
         self.add = QToolButton()
         icons.set(self.add, "ph.funnel")
-        self.add.setToolTip("Show only bodies with a factor in a range")
-        self.add.setAccessibleName("Add a range")
+        self.add.setToolTip(tr("Show only bodies with a factor in a range"))
+        self.add.setAccessibleName(tr("Add a range"))
         self.all = QToolButton()
         icons.set(self.all, "ph.selection-all")
-        self.all.setToolTip("Choose all that are shown, in table, plots and view as well")
-        self.all.setAccessibleName("Choose all that are shown")
+        self.all.setToolTip(tr("Choose all that are shown, in table, plots and view as well"))
+        self.all.setAccessibleName(tr("Choose all that are shown"))
         self.list = BodyList()
         self._hint = label("", "emptyPlot", wrap=True)
         self._hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
@@ -148,9 +150,9 @@ class BodyGallery(QFrame):
         self._pages.addWidget(self.list)
         self._pages.addWidget(self._hint)
         self._count = label("", "hint")
-        self.measure: QPushButton = quiet_button("Measure more factors")
+        self.measure: QPushButton = quiet_button(tr("Measure more factors"))
         self.measure.setToolTip(
-            "Measure the shape factors of grains and avatars, to order and filter by them"
+            tr("Measure the shape factors of grains and avatars, to order and filter by them")
         )
         self._lay_out()
         self.tabs.currentChanged.connect(lambda _: self.kind_changed.emit(self.kind))
@@ -164,7 +166,7 @@ class BodyGallery(QFrame):
         line = QHBoxLayout()
         line.setContentsMargins(14, 6, 8, 6)
         line.setSpacing(6)
-        line.addWidget(label("Order by", "key"))
+        line.addWidget(label(tr("Order by"), "key"))
         line.addWidget(self.sort, 1)
         for button in (self.falling, self.add, self.all):
             line.addWidget(button)
@@ -192,7 +194,8 @@ class BodyGallery(QFrame):
         """Say how many of each kind there are."""
         for place, kind in enumerate(KINDS):
             count = counts.get(kind, 0)
-            self.tabs.setTabText(place, f"{kind.capitalize()} ({count:,})" if count else kind.capitalize())
+            title = tr(_TITLES[kind])
+            self.tabs.setTabText(place, f"{title} ({count:,})" if count else title)
 
     def show_bodies(self, bodies: Bodies | None) -> None:
         """Show other bodies; order and ranges stay where they still mean something."""
@@ -204,7 +207,7 @@ class BodyGallery(QFrame):
         sort = self.sort.currentData()
         self.sort.blockSignals(True)
         self.sort.clear()
-        self.sort.addItem("Number", "")
+        self.sort.addItem(tr("Number"), "")
         for name in () if bodies is None else bodies.columns:
             self.sort.addItem(FACTOR_NAMES[name].heading(bodies.unit), name)  # type: ignore[union-attr]
         self.sort.setCurrentIndex(max(0, self.sort.findData(sort)))
@@ -242,7 +245,7 @@ class BodyGallery(QFrame):
         bodies = self.bodies
         if bodies is None or not len(bodies.keys):
             self.list.show_bodies(None, np.zeros(0, dtype=int), "")
-            self._hint.setText(_HINTS[self.kind])
+            self._hint.setText(tr(_HINTS[self.kind]))
             self._pages.setCurrentIndex(1)
             self._count.setText("")
             return
@@ -251,7 +254,9 @@ class BodyGallery(QFrame):
         rows = rows_in_order(bodies, [row.range() for row in self.ranges], sort, self.falling.isChecked())
         self.list.show_bodies(bodies, rows, sort)
         self.list.select_keys(chosen, None)
-        self._hint.setText("No body lies in these ranges.")
+        self._hint.setText(tr("No body lies in these ranges."))
         self._pages.setCurrentIndex(0 if len(rows) else 1)
         count = len(bodies.keys)
-        self._count.setText(f"{len(rows):,} of {count:,}" if len(rows) != count else f"{count:,}")
+        self._count.setText(
+            tr("{shown:,} of {count:,}", shown=len(rows), count=count) if len(rows) != count else f"{count:,}"
+        )

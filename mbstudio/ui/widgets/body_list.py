@@ -25,10 +25,16 @@ from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QListView
 
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.ui.language import mark, tr
 
 SIDE = 72  # pixels of a picture
 CELL = QSize(110, 122)
 _SHORT = ("dn", "sphericity")
+_ONE = {
+    "grains": mark("Grain {number}"),
+    "avatars": mark("Avatar {number}"),
+    "clones": mark("Clone {number}"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +125,8 @@ class _Model(QAbstractListModel):
                 for name in self.bodies.columns
                 if name in FACTOR_NAMES
             ]
-            return "\n".join([f"{self.bodies.kind[:-1].capitalize()} {self.bodies.keys[row]}", *lines])
+            one = tr(_ONE[self.bodies.kind], number=self.bodies.keys[row])
+            return "\n".join([one, *lines])
         return None
 
     def _told(self, row: int) -> str:
@@ -150,7 +157,7 @@ class BodyList(QListView):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("bodyList")
-        self.setAccessibleName("Pictures of bodies")
+        self.setAccessibleName(tr("Pictures of bodies"))
         self.content = _Model(self)
         self.setModel(self.content)
         self.setViewMode(QListView.ViewMode.IconMode)

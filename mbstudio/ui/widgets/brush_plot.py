@@ -13,6 +13,7 @@ from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.plots import Plot
 
@@ -142,9 +143,11 @@ class BrushPlot(Plot):
             self.getAxis(side).enableAutoSIPrefix(False)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setToolTip(
-            "Click a point or drag around points to choose their grains; Ctrl or Shift adds to them. "
-            "Keys ← and → go from grain to grain. The wheel zooms, the middle button moves, a double click "
-            "shows everything."
+            tr(
+                "Click a point or drag around points to choose their grains; Ctrl or Shift adds to them. "
+                "Keys ← and → go from grain to grain. The wheel zooms, the middle button moves, a double "
+                "click shows everything."
+            )
         )
         self.box.outlined.connect(self._take_outline)
         self.box.touched.connect(self._take_touch)

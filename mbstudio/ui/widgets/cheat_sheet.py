@@ -9,15 +9,16 @@ from PySide6.QtGui import QKeyEvent, QKeySequence, QMouseEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from mbstudio.ui.commands import Command, CommandTable
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import empty, label
 
 COLUMNS = 3
 _MOUSE = (
-    ("Turn the view", "drag"),
-    ("Move the view", "Shift + drag"),
-    ("Zoom", "wheel"),
-    ("Choose a grain", "click"),
-    ("Add to what is chosen", "Ctrl + click"),
+    (mark("Turn the view"), mark("drag")),
+    (mark("Move the view"), mark("Shift + drag")),
+    (mark("Zoom"), mark("wheel")),
+    (mark("Choose a grain"), mark("click")),
+    (mark("Add to what is chosen"), mark("Ctrl + click")),
 )
 
 
@@ -33,7 +34,7 @@ def shortcuts(commands: CommandTable) -> dict[str, list[tuple[str, str]]]:
 
 def _keys(commands: CommandTable, command: Command) -> str:
     native = QKeySequence.SequenceFormat.NativeText
-    return "  or  ".join(keys.toString(native) for keys in commands.action(command.id).shortcuts())
+    return tr("  or  ").join(keys.toString(native) for keys in commands.action(command.id).shortcuts())
 
 
 class CheatSheet(QFrame):
@@ -43,7 +44,7 @@ class CheatSheet(QFrame):
         super().__init__(window)
         self.setObjectName("palette")
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setAccessibleName("Keyboard shortcuts")
+        self.setAccessibleName(tr("Keyboard shortcuts"))
         self._commands, self._window = commands, window
         self._content = QVBoxLayout(self)
         self._content.setContentsMargins(26, 20, 26, 20)
@@ -58,8 +59,8 @@ class CheatSheet(QFrame):
         layout = QVBoxLayout(page)
         layout.setContentsMargins(0, 0, 0, 0)
         head = QHBoxLayout()
-        head.addWidget(label("Keyboard and mouse", "title"), 1)
-        head.addWidget(label("Any key closes this sheet", "hint"))
+        head.addWidget(label(tr("Keyboard and mouse"), "title"), 1)
+        head.addWidget(label(tr("Any key closes this sheet"), "hint"))
         layout.addLayout(head)
         layout.addSpacing(10)
         columns = QHBoxLayout()
@@ -80,7 +81,8 @@ class CheatSheet(QFrame):
 
     def _columns(self) -> list[list[tuple[str, list[tuple[str, str]]]]]:
         """Deal the groups out so that the columns are about equally long."""
-        groups = [*shortcuts(self._commands).items(), ("Mouse", list(_MOUSE))]
+        mouse = [(tr(title), tr(keys)) for title, keys in _MOUSE]
+        groups = [*shortcuts(self._commands).items(), (mark("Mouse"), mouse)]
         columns: list[list[tuple[str, list[tuple[str, str]]]]] = [[] for _ in range(COLUMNS)]
         length = [0] * COLUMNS
         for name, entries in sorted(groups, key=lambda group: -len(group[1])):
@@ -115,7 +117,7 @@ def _group(name: str, entries: list[tuple[str, str]]) -> QWidget:
     grid.setContentsMargins(0, 0, 0, 0)
     grid.setHorizontalSpacing(18)
     grid.setVerticalSpacing(3)
-    grid.addWidget(label(name, "heading"), 0, 0, 1, 2)
+    grid.addWidget(label(tr(name), "heading"), 0, 0, 1, 2)
     for line, (title, keys) in enumerate(entries, 1):
         grid.addWidget(label(title, "key"), line, 0)
         pressed = QLabel(keys)

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton
 from superqt import QRangeSlider
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label, quiet_button
 
 STEPS = 1000
@@ -33,27 +34,27 @@ class ClipBar(QFrame):
         layout = QHBoxLayout(self)
         layout.setContentsMargins(14, 4, 8, 4)
         layout.setSpacing(8)
-        layout.addWidget(label("Clip", "heading"))
+        layout.addWidget(label(tr("Clip"), "heading"))
         self.sliders: list[QRangeSlider] = []
         for number, axis in enumerate("xyz"):
             slider = QRangeSlider(Qt.Orientation.Horizontal)
             slider.setRange(0, STEPS)
             slider.setValue((0, STEPS))
             slider.setMinimumWidth(60)
-            slider.setToolTip(f"Show only what lies between these two places along {axis}")
-            slider.setAccessibleName(f"Clip along {axis}")
+            slider.setToolTip(tr("Show only what lies between these two places along {axis}", axis=axis))
+            slider.setAccessibleName(tr("Clip along {axis}", axis=axis))
             slider.valueChanged.connect(lambda ends, place=number: self._told(place, ends))
             layout.addWidget(label(axis, "key"))
             layout.addWidget(slider, 1)
             self.sliders.append(slider)
-        again = quiet_button("Reset")
-        again.setToolTip("Show everything again, the clipping box stays")
+        again = quiet_button(tr("Reset"))
+        again.setToolTip(tr("Show everything again, the clipping box stays"))
         again.clicked.connect(self.reset)
         layout.addWidget(again)
         close = QToolButton()
         icons.set(close, "ph.x")
-        close.setToolTip("Put the clipping box away")
-        close.setAccessibleName("Put the clipping box away")
+        close.setToolTip(tr("Put the clipping box away"))
+        close.setAccessibleName(tr("Put the clipping box away"))
         close.clicked.connect(self.closed)
         layout.addWidget(close)
 

@@ -7,6 +7,7 @@ from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QFrame, QLineEdit, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
 
 from mbstudio.ui.commands import Command, CommandTable
+from mbstudio.ui.language import tr
 
 
 def match(words: str, title: str) -> int | None:
@@ -38,10 +39,10 @@ class CommandPalette(QFrame):
         self.setObjectName("palette")
         self._commands, self._window = commands, window
         self._search = QLineEdit()
-        self._search.setPlaceholderText("What do you want to do?")
-        self._search.setAccessibleName("Search commands")
+        self._search.setPlaceholderText(tr("What do you want to do?"))
+        self._search.setAccessibleName(tr("Search commands"))
         self._list = QListWidget()
-        self._list.setAccessibleName("Commands")
+        self._list.setAccessibleName(tr("Commands"))
         self._list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(6, 6, 6, 6)
@@ -83,7 +84,7 @@ class CommandPalette(QFrame):
         for _, title, command in sorted(found, key=lambda entry: entry[:2]):
             action = self._commands.action(command.id)
             keys = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
-            text = f"{command.menu}: {title.rstrip('.')}" + (f"    {keys}" if keys else "")
+            text = f"{tr(command.menu)}: {title.rstrip('.')}" + (f"    {keys}" if keys else "")
             item = QListWidgetItem(action.icon(), text)
             item.setData(Qt.ItemDataRole.UserRole, command.id)
             self._list.addItem(item)

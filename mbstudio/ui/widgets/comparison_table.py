@@ -14,31 +14,43 @@ from mbstudio.core.populations.population import Weighting
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.units import unit_label
 from mbstudio.scene.population_style import readable_scale
+from mbstudio.ui.language import mark, tr
 
 _ROW = 25
 
 FACTOR_ROWS = (
-    ("Bodies", "Bodies of which the factor could be measured"),
-    ("Mean", "Mean; by mass each body counts by its volume"),
-    ("Std. dev.", "Sample standard deviation"),
-    ("δ mean", "100 |mean − mean of the first| / |mean of the first|: the paper's error of the mean"),
-    ("δ std. dev.", "The same of the standard deviations"),
-    ("K-S D", "Kolmogorov–Smirnov: largest distance of the two cumulative distributions"),
+    (mark("Bodies"), mark("Bodies of which the factor could be measured")),
+    (mark("Mean"), mark("Mean; by mass each body counts by its volume")),
+    (mark("Std. dev."), mark("Sample standard deviation")),
     (
-        "K-S p",
-        "Probability of such a D if both were independent samples of one distribution; avatars are not "
-        "independent of their grains, so that it errs to the large side. Not defined by mass",
+        mark("δ mean"),
+        mark("100 |mean − mean of the first| / |mean of the first|: the paper's error of the mean"),
     ),
-    ("Wasserstein", "Area between the two cumulative distributions, in the factor's unit"),
+    (mark("δ std. dev."), mark("The same of the standard deviations")),
+    (mark("K-S D"), mark("Kolmogorov–Smirnov: largest distance of the two cumulative distributions")),
+    (
+        mark("K-S p"),
+        mark(
+            "Probability of such a D if both were independent samples of one distribution; avatars are not "
+            "independent of their grains, so that it errs to the large side. Not defined by mass"
+        ),
+    ),
+    (mark("Wasserstein"), mark("Area between the two cumulative distributions, in the factor's unit")),
 )
 SIZE_ROWS = (
-    ("D10", "Effective size: 10 % of the mass is finer"),
-    ("D30", "30 % of the mass is finer"),
-    ("D50", "Median size by mass"),
-    ("D60", "60 % of the mass is finer"),
-    ("C_u", "Coefficient of uniformity D60 / D10"),
-    ("C_c", "Coefficient of curvature D30² / (D10 D60)"),
+    ("D10", mark("Effective size: 10 % of the mass is finer")),
+    ("D30", mark("30 % of the mass is finer")),
+    ("D50", mark("Median size by mass")),
+    ("D60", mark("60 % of the mass is finer")),
+    ("C_u", mark("Coefficient of uniformity D60 / D10")),
+    ("C_c", mark("Coefficient of curvature D30² / (D10 D60)")),
 )
+_NAMES = {"grains": mark("grains"), "avatars": mark("avatars"), "clones": mark("clones")}
+
+
+def name_of(population: Population) -> str:
+    """Return what a population is called in the window."""
+    return tr(_NAMES[population.name]) if population.name in _NAMES else population.name
 
 
 class ComparisonTable(QTableWidget):
@@ -73,10 +85,10 @@ class ComparisonTable(QTableWidget):
             head.setTextAlignment(_side(place))
             self.setHorizontalHeaderItem(place, head)
         for row, (title, tip) in enumerate(self._rows):
-            words = f"{title} [{units[row]}]" if units[row] else title
+            words = f"{tr(title)} [{units[row]}]" if units[row] else tr(title)
             for place, text in enumerate((words, *(column[row] for column in columns))):
                 item = QTableWidgetItem(text)
-                item.setToolTip(tip)
+                item.setToolTip(tr(tip))
                 item.setTextAlignment(_side(place))
                 self.setItem(row, place, item)
 
@@ -108,7 +120,7 @@ def fill_factor(
             ]  # fmt: skip
         columns.append(column)
     units = ["", shown, shown, "", "", "", "", shown]
-    table.fill([population.name for population in populations], columns, units)
+    table.fill([name_of(population) for population in populations], columns, units)
 
 
 def fill_sizes(table: ComparisonTable, populations: Sequence[Population], sieves: SieveSeries | None) -> None:
@@ -120,7 +132,7 @@ def fill_sizes(table: ComparisonTable, populations: Sequence[Population], sieves
         sizes = [_number(scale * d) for d in (curve.d10, curve.d30, curve.d50, curve.d60)]
         columns.append([*sizes, _number(curve.cu), _number(curve.cc)])
     lengths = [unit_label(unit)] * 4
-    table.fill([population.name for population in populations], columns, [*lengths, "", ""])
+    table.fill([name_of(population) for population in populations], columns, [*lengths, "", ""])
 
 
 def _side(column: int) -> Qt.AlignmentFlag:

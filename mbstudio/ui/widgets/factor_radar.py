@@ -13,22 +13,40 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWi
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.core.vae.live_grain import LiveGrain
 from mbstudio.core.vae.meaning_factors import MEANINGS
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import badge, label, set_badge
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 TITLES = {
-    "size": "Size Dₙ",
-    "elongation": "Elongation I/L",
-    "csf": "Corey factor CSF",
-    "sphericity": "Sphericity ψ",
-    "roughness": "Roughness",
+    "size": mark("Size Dₙ"),
+    "elongation": mark("Elongation I/L"),
+    "csf": mark("Corey factor CSF"),
+    "sphericity": mark("Sphericity ψ"),
+    "roughness": mark("Roughness"),
 }
-SHORT = {"size": "Size", "elongation": "I/L", "csf": "CSF", "sphericity": "ψ", "roughness": "Roughness"}
+SHORT = {
+    "size": mark("Size"),
+    "elongation": "I/L",
+    "csf": "CSF",
+    "sphericity": "ψ",
+    "roughness": mark("Roughness"),
+}
+PLAIN = {
+    "size": mark("size"),
+    "elongation": mark("elongation"),
+    "csf": mark("corey"),
+    "sphericity": mark("sphericity"),
+    "roughness": mark("roughness"),
+}
+"""As they stand within a sentence. All three pass `tr` where they are shown."""
 _LESS = {
-    "size": ("smaller", "larger"), "elongation": ("longer", "shorter"), "csf": ("flatter", "thicker"),
-    "sphericity": ("less spherical", "rounder"), "roughness": ("smoother", "rougher"),
-}  # fmt: skip
+    "size": (mark("smaller"), mark("larger")),
+    "elongation": (mark("longer"), mark("shorter")),
+    "csf": (mark("flatter"), mark("thicker")),
+    "sphericity": (mark("less spherical"), mark("rounder")),
+    "roughness": (mark("smoother"), mark("rougher")),
+}
 
 
 def standing(name: str, below: float) -> str:
@@ -36,8 +54,8 @@ def standing(name: str, below: float) -> str:
     less, more = _LESS[name]
     share, word = (below, more) if below >= 0.5 else (1.0 - below, less)
     if share > 0.9999:
-        return f"{word} than all parents"
-    return f"{word} than {100 * share:.0f} %"
+        return tr("{smaller} than all parents", smaller=tr(word))
+    return tr("{smaller} than {percent:.0f} %", smaller=tr(word), percent=100 * share)
 
 
 def show_lights(
@@ -45,18 +63,23 @@ def show_lights(
 ) -> None:
     """Show whether a grain is valid, and whether it was held within the parents' range or let beyond it."""
     edge.setVisible(held and grain is not None)
-    set_badge(edge, "▲ At the edge of the parents", "amber")
+    set_badge(edge, tr("▲ At the edge of the parents"), "amber")
     if grain is None:
-        set_badge(light, "No grain", "quiet")
+        set_badge(light, tr("No grain"), "quiet")
     elif grain.is_sound and beyond:
-        set_badge(light, "● Far outside the parents", "bad")
-        light.setToolTip("One piece, no void, but nothing is known of such grains: look at its factors")
+        set_badge(light, tr("● Far outside the parents"), "bad")
+        light.setToolTip(tr("One piece, no void, but nothing is known of such grains: look at its factors"))
     elif grain.is_sound:
-        set_badge(light, "● Valid", "good")
-        light.setToolTip("One piece, no void")
+        set_badge(light, tr("● Valid"), "good")
+        light.setToolTip(tr("One piece, no void"))
     else:
-        set_badge(light, f"● {grain.pieces} pieces" if grain.pieces > 1 else f"● {grain.voids} voids", "bad")
-        light.setToolTip("Not valid: a DEM engine takes one piece without void")
+        wrong = (
+            tr("● {count} pieces", count=grain.pieces)
+            if grain.pieces > 1
+            else tr("● {count} voids", count=grain.voids)
+        )
+        set_badge(light, wrong, "bad")
+        light.setToolTip(tr("Not valid: a DEM engine takes one piece without void"))
 
 
 class Radar(QWidget):
@@ -67,8 +90,8 @@ class Radar(QWidget):
         self._theme = theme
         self.shares: np.ndarray | None = None
         self.setMinimumSize(220, 210)
-        self.setAccessibleName("Factors among the parents")
-        self.setToolTip("Outer ring: more than all parents. Middle ring: the parents' median.")
+        self.setAccessibleName(tr("Factors among the parents"))
+        self.setToolTip(tr("Outer ring: more than all parents. Middle ring: the parents' median."))
         theme.changed.connect(self.update)
 
     def set_shares(self, shares: Float[np.ndarray, "5"] | None) -> None:
@@ -81,7 +104,7 @@ class Radar(QWidget):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         middle = QPointF(self.width() / 2, self.height() / 2 + 6)
-        longest = max(painter.fontMetrics().horizontalAdvance(name) for name in SHORT.values())
+        longest = max(painter.fontMetrics().horizontalAdvance(tr(name)) for name in SHORT.values())
         radius = min(self.width() - 2 * longest - 36, self.height() - 56) / 2
         turns = [2 * math.pi * place / len(MEANINGS) - math.pi / 2 for place in range(len(MEANINGS))]
 
@@ -111,10 +134,10 @@ class Radar(QWidget):
         painter.setPen(QColor(tokens.muted))
         for name, turn in zip(MEANINGS, turns, strict=True):
             place = middle + QPointF(math.cos(turn) * (radius + 12), math.sin(turn) * (radius + 14))
-            wide = painter.fontMetrics().horizontalAdvance(SHORT[name])
+            wide = painter.fontMetrics().horizontalAdvance(tr(SHORT[name]))
             left = place.x() - wide * (0.5 - 0.5 * round(math.cos(turn), 3))
             left = min(max(left, 0.0), self.width() - wide)
-            painter.drawText(QPointF(left, place.y() + 5), SHORT[name])
+            painter.drawText(QPointF(left, place.y() + 5), tr(SHORT[name]))
         painter.end()
 
 
@@ -134,13 +157,15 @@ class FactorPage(QWidget):
         grid = QGridLayout()
         grid.setHorizontalSpacing(12)
         grid.setVerticalSpacing(5)
-        self._among = label("Among the parents", "hint")
+        self._among = label(tr("Among the parents"), "hint")
         grid.addWidget(self._among, 0, 2)
         for line, (name, (value, words)) in enumerate(self._cells.items(), 1):
-            grid.addWidget(label(TITLES[name], "key"), line, 0)
+            grid.addWidget(label(tr(TITLES[name]), "key"), line, 0)
             grid.addWidget(value, line, 1, Qt.AlignmentFlag.AlignRight)
             grid.addWidget(words, line, 2)
-        for line, (title, value) in enumerate((("Volume", self._volume), ("Surface area", self._area)), 6):
+        for line, (title, value) in enumerate(
+            ((tr("Volume"), self._volume), (tr("Surface area"), self._area)), 6
+        ):
             grid.addWidget(label(title, "key"), line, 0)
             grid.addWidget(value, line, 1, 1, 2)
         grid.setColumnStretch(2, 1)

@@ -7,21 +7,27 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTab
 
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import conversion_factor, unit_label
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 # Attribute, sign, power of the unit, what it is.
 _ROWS = (
-    ("volume", "V", 3, "Volume"),
-    ("area", "A", 2, "Surface area"),
-    ("sphericity", "Sphericity", 0, "π^(1/3) (6V)^(2/3) / A"),
-    ("circularity", "Circularity", 0, "π Dₛ / P_p, with P_p the perimeter of the maximum projection"),
-    ("csf", "CSF", 0, "Corey shape factor L_s / √(L_i L_l)"),
-    ("dn", "Dₙ", 1, "Nominal diameter (6V/π)^(1/3)"),
-    ("ds", "Dₛ", 1, "Diameter of the circle with the maximum projected area A_p: √(4 A_p/π)"),
-    ("dns", "Dₙ/Dₛ", 0, "Nominal diameter over the diameter of the projected circle"),
+    ("volume", "V", 3, mark("Volume")),
+    ("area", "A", 2, mark("Surface area")),
+    ("sphericity", mark("Sphericity"), 0, "π^(1/3) (6V)^(2/3) / A"),
+    (
+        "circularity",
+        mark("Circularity"),
+        0,
+        mark("π Dₛ / P_p, with P_p the perimeter of the maximum projection"),
+    ),
+    ("csf", "CSF", 0, mark("Corey shape factor L_s / √(L_i L_l)")),
+    ("dn", "Dₙ", 1, mark("Nominal diameter (6V/π)^(1/3)")),
+    ("ds", "Dₛ", 1, mark("Diameter of the circle with the maximum projected area A_p: √(4 A_p/π)")),
+    ("dns", "Dₙ/Dₛ", 0, mark("Nominal diameter over the diameter of the projected circle")),
 )
-_HEADS = ("Factor", "Grain", "Avatar", "Error")
-_INTERVAL_HEAD = "From–to"
+_HEADS = (mark("Factor"), mark("Grain"), mark("Avatar"), mark("Error"))
+_INTERVAL_HEAD = mark("From–to")
 _HEIGHT, _DOUBLE_HEIGHT = 26, 42
 _POWERS = {1: "", 2: "²", 3: "³"}
 
@@ -35,7 +41,7 @@ class FactorsTable(QTableWidget):
         self._avatar: ShapeFactors | None = None
         self._intervals: FactorIntervals | None = None
         self._cells = [[QTableWidgetItem() for _ in range(4)] for _ in _ROWS]
-        self.setAccessibleName("Shape factors of grain and avatar")
+        self.setAccessibleName(tr("Shape factors of grain and avatar"))
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(_HEIGHT)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -55,9 +61,9 @@ class FactorsTable(QTableWidget):
             for row in range(len(_ROWS)):
                 item = self._cells[row][column]
                 item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-                item.setToolTip(_ROWS[row][3])
+                item.setToolTip(tr(_ROWS[row][3]))
                 self.setItem(row, column, item)
-            head = QTableWidgetItem(_HEADS[column])
+            head = QTableWidgetItem(tr(_HEADS[column]))
             head.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
             self.setHorizontalHeaderItem(column, head)
         self._set_row_height(_HEIGHT)
@@ -90,7 +96,7 @@ class FactorsTable(QTableWidget):
         grain, avatar = self._grain, self._avatar
         known = grain or avatar
         if head := self.horizontalHeaderItem(1):
-            head.setText(_HEADS[1] if self._intervals is None else _INTERVAL_HEAD)
+            head.setText(tr(_HEADS[1] if self._intervals is None else _INTERVAL_HEAD))
         # From and to stand on lines of their own: there is no room for them side by side.
         mode = QHeaderView.ResizeMode
         self._set_row_height(_HEIGHT if self._intervals is None else _DOUBLE_HEIGHT)
@@ -105,7 +111,7 @@ class FactorsTable(QTableWidget):
                 shown = readable_power_unit(getattr(known, name), known.unit, power)
                 unit = f" [{unit_label(shown)}{_POWERS[power]}]"
                 factor = conversion_factor(known.unit, shown) ** power
-            self._cells[row][0].setText(sign + unit)
+            self._cells[row][0].setText(tr(sign) + unit)
             self._cells[row][1].setText(self._grain_text(name, truth, factor))
             self._cells[row][2].setText("" if value is None else self._avatar_text(value * factor))
             error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
@@ -139,7 +145,10 @@ class FactorsTable(QTableWidget):
         font = cell.font()
         font.setBold(outside)
         cell.setFont(font)
-        cell.setToolTip(f"{meaning}. The avatar lies outside the grain's interval." if outside else meaning)
+        meaning = tr(meaning)
+        if outside:
+            meaning = tr("{meaning}. The avatar lies outside the grain's interval.", meaning=meaning)
+        cell.setToolTip(meaning)
 
 
 def _digits_beside_intervals(value: float) -> int:

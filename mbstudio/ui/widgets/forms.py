@@ -19,6 +19,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from mbstudio.ui.language import tr
+
 
 def label(text: str, role: str, wrap: bool = False) -> QLabel:
     """Return a label in one of the style sheet's roles (title, subtitle, heading, hint, key, ...)."""
@@ -183,15 +185,15 @@ class SliceSlider(QWidget):
         self.eye.setCheckable(True)
         self.eye.setChecked(True)
         self.eye.setText(axis)
-        self.eye.setToolTip(f"Show the slice across {axis} ({colour_tip} frame)")
-        self.eye.setAccessibleName(f"Show the slice across {axis}")
+        self.eye.setToolTip(tr("Show the slice across {axis} ({colour} frame)", axis=axis, colour=colour_tip))
+        self.eye.setAccessibleName(tr("Show the slice across {axis}", axis=axis))
         self.slider = QSlider(Qt.Orientation.Horizontal)
-        self.slider.setAccessibleName(f"Slice across {axis}")
+        self.slider.setAccessibleName(tr("Slice across {axis}", axis=axis))
         self.number = QSpinBox()
         self.number.setButtonSymbols(QSpinBox.ButtonSymbols.NoButtons)
         self.number.setFixedWidth(58)
         self.number.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self.number.setAccessibleName(f"Number of the slice across {axis}")
+        self.number.setAccessibleName(tr("Number of the slice across {axis}", axis=axis))
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.eye)

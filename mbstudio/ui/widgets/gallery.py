@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFrame, QTabBar, QToolButton, QVBoxLayout
 from PySide6.QtWidgets import QHBoxLayout as Line
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.grain_strip import GrainStrip
 
 _CLONES = 2  # their tab
@@ -35,24 +36,24 @@ class Gallery(QFrame):
     def __init__(self, icons: Icons) -> None:
         super().__init__()
         self.setObjectName("gallery")
-        self.kept, self.parents = GrainStrip("Kept grains", named_by_hand=True), GrainStrip("Parents")
-        self.clones = GrainStrip("Clones")
+        self.kept, self.parents = GrainStrip(tr("Kept grains"), named_by_hand=True), GrainStrip(tr("Parents"))
+        self.clones = GrainStrip(tr("Clones"))
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
-        self.tabs.addTab("Parents")
-        self.tabs.addTab("Kept grains")
-        self.tabs.addTab("Clones")
+        self.tabs.addTab(tr("Parents"))
+        self.tabs.addTab(tr("Kept grains"))
+        self.tabs.addTab(tr("Clones"))
         self.tabs.setTabVisible(_CLONES, False)
-        self.tabs.setAccessibleName("Which grains")
+        self.tabs.setAccessibleName(tr("Which grains"))
         self.remove = QToolButton()
         icons.set(self.remove, "ph.trash")
-        self.remove.setToolTip("Take the chosen kept grain out of the gallery")
-        self.remove.setAccessibleName("Remove")
+        self.remove.setToolTip(tr("Take the chosen kept grain out of the gallery"))
+        self.remove.setAccessibleName(tr("Remove"))
         self.rename = QToolButton()
         icons.set(self.rename, "ph.pencil-simple")
-        self.rename.setToolTip("Call the chosen kept grain otherwise (F2)")
-        self.rename.setAccessibleName("Rename")
+        self.rename.setToolTip(tr("Call the chosen kept grain otherwise (F2)"))
+        self.rename.setAccessibleName(tr("Rename"))
         head = Line()
         head.setContentsMargins(0, 0, 8, 0)
         head.addWidget(self.tabs)
@@ -100,8 +101,8 @@ class Gallery(QFrame):
         self.kept.set_grains(kept, pictures, tips)
         if self.parents.names != list(parents):
             self.parents.set_grains(parents, pictures, {})
-        self.tabs.setTabText(0, f"Parents ({len(parents)})")
-        self.tabs.setTabText(1, f"Kept grains ({len(kept)})")
+        self.tabs.setTabText(0, tr("Parents ({count})", count=len(parents)))
+        self.tabs.setTabText(1, tr("Kept grains ({count})", count=len(kept)))
         if grown:
             self.tabs.setCurrentIndex(1)
             self.kept.scrollToBottom()
@@ -112,7 +113,7 @@ class Gallery(QFrame):
     def show_clones(self, names: Sequence[str], pictures: Mapping[str, QPixmap]) -> None:
         """Show other clones; without any there is no strip of them."""
         self.clones.set_grains(names, pictures, {})
-        self.tabs.setTabText(_CLONES, f"Clones ({len(names)})")
+        self.tabs.setTabText(_CLONES, tr("Clones ({count})", count=len(names)))
         if not names and self.strip is self.clones:
             self.tabs.setCurrentIndex(0)
         self.tabs.setTabVisible(_CLONES, bool(names))

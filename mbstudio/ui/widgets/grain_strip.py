@@ -20,6 +20,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListView, QListWidget, QListWidgetItem
 from PySide6.QtWidgets import QVBoxLayout as Column
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.forms import label
 
@@ -174,7 +175,7 @@ class GrainSlot(QFrame):
         self.setAcceptDrops(True)
         self.setFixedWidth(side + 24)
         self.setToolTip(tip)
-        self.setAccessibleName(f"Grain {letter}")
+        self.setAccessibleName(tr("Grain {letter}", letter=letter))
         self.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.picture = QLabel()
@@ -199,7 +200,7 @@ class GrainSlot(QFrame):
             keep, smooth = Qt.AspectRatioMode.KeepAspectRatio, Qt.TransformationMode.SmoothTransformation
             self.picture.setPixmap(picture.scaled(self._side, self._side, keep, smooth))
         else:
-            self.picture.setText("drop" if name is None and self.letter else "")
+            self.picture.setText(tr("drop") if name is None and self.letter else "")
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         if event.button() == Qt.MouseButton.LeftButton:

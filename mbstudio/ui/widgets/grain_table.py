@@ -22,21 +22,24 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 from mbstudio.core.grains import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.units import conversion_factor, unit_label
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
 ROOMY, NARROW = 500, 430  # pixels that all columns need, and all but the volume
 SORT_ROLE = Qt.ItemDataRole.UserRole
 
-COLUMNS = ("Grain", "Volume", "Dₙ", "Edge", "Avatar", "RMS distance", "Verdict")
+COLUMNS = (
+    mark("Grain"), mark("Volume"), "Dₙ", mark("Edge"), mark("Avatar"), mark("RMS distance"), mark("Verdict"),
+)  # fmt: skip
 _TIPS = (
-    "Label of the grain in the label volume",
-    "Volume V, by counting voxels",
-    "Nominal diameter Dₙ = (6V/π)^(1/3): that of the sphere of the same volume",
-    "Whether the edge of the scan cuts the grain, so that its true shape is unknown",
-    "Number of control points of its avatar",
-    "Root mean square distance between the surfaces of grain and avatar",
-    "Whether the avatar is one piece without voids that keeps the volume within 5 %",
+    mark("Label of the grain in the label volume"),
+    mark("Volume V, by counting voxels"),
+    mark("Nominal diameter Dₙ = (6V/π)^(1/3): that of the sphere of the same volume"),
+    mark("Whether the edge of the scan cuts the grain, so that its true shape is unknown"),
+    mark("Number of control points of its avatar"),
+    mark("Root mean square distance between the surfaces of grain and avatar"),
+    mark("Whether the avatar is one piece without voids that keeps the volume within 5 %"),
 )
 
 
@@ -100,11 +103,14 @@ class GrainTableModel(QAbstractTableModel):
             return None
         if role == Qt.ItemDataRole.DisplayRole:
             unit = unit_label(self._unit)
-            return {1: f"V [{unit_label(self._volume_unit)}³]", 2: f"Dₙ [{unit}]", 5: f"RMS [{unit}]"}.get(
-                section, COLUMNS[section]
-            )
+            heads = {
+                1: f"V [{unit_label(self._volume_unit)}³]",
+                2: f"Dₙ [{unit}]",
+                5: tr("RMS [{unit}]", unit=unit),
+            }
+            return heads.get(section, tr(COLUMNS[section]))
         if role == Qt.ItemDataRole.ToolTipRole:
-            return _TIPS[section]
+            return tr(_TIPS[section])
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._alignment(section)
         return None
@@ -149,13 +155,13 @@ class GrainTableModel(QAbstractTableModel):
         if column == 2:
             return f"{self._columns['dn'][row]:.1f}"
         if column == 3:
-            return "cut" if self._columns["border"][row] else "inside"
+            return tr("cut") if self._columns["border"][row] else tr("inside")
         if fit is None:
             return "–"
         return (
             f"n = {fit.avatar.n}",
             f"{fit.verdict.rms:#.3g}",
-            "valid" if fit.verdict.valid else "not valid",
+            tr("valid") if fit.verdict.valid else tr("not valid"),
         )[column - 4]
 
 
@@ -177,7 +183,7 @@ class GrainTable(QTableView):
         self._sorted.setSourceModel(self.content)
         self._sorted.setSortRole(SORT_ROLE)
         self.setModel(self._sorted)
-        self.setAccessibleName("Grains")
+        self.setAccessibleName(tr("Grains"))
         self.setSortingEnabled(True)
         self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)

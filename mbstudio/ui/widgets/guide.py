@@ -15,6 +15,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QDialog, QTextBrowser, QVBoxLayout, QWidget
 
 from mbstudio.assets import document
+from mbstudio.ui.language import tr
 
 SECTIONS = {
     "scan": "Scan",
@@ -35,11 +36,11 @@ class Guide(QDialog):
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self.setWindowTitle("MetaBall Studio guide")
+        self.setWindowTitle(tr("MetaBall Studio guide"))
         self.setModal(False)
         self.resize(760, 720)
         self.page = QTextBrowser()
-        self.page.setAccessibleName("Guide")
+        self.page.setAccessibleName(tr("Guide"))
         self.page.setOpenLinks(False)
         self.page.document().setDocumentMargin(24)
         self.page.anchorClicked.connect(self._follow)

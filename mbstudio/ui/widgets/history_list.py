@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QListWidget, QListWidgetItem
 
 from mbstudio.core.project import History
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 
 
@@ -24,7 +25,7 @@ class HistoryList(QListWidget):
 
     def __init__(self, theme: Theme, icons: Icons) -> None:
         super().__init__()
-        self.setAccessibleName("History of changes")
+        self.setAccessibleName(tr("History of changes"))
         self.setObjectName("history")
         self.setMinimumWidth(230)
         self._theme, self._icons = theme, icons
@@ -35,19 +36,19 @@ class HistoryList(QListWidget):
         """Show the changes of a history."""
         faint = QColor(self._theme.tokens.faint)
         self.clear()
-        for position, title in enumerate(["Beginning", *history.all_titles]):
+        for position, title in enumerate([tr("Beginning"), *history.all_titles]):
             item = QListWidgetItem(title)
             item.setData(Qt.ItemDataRole.UserRole, position)
             if position > history.position:
                 item.setForeground(faint)
-                item.setToolTip("Undone; click to make it again")
+                item.setToolTip(tr("Undone; click to make it again"))
             elif position == history.position:
                 font = item.font()
                 font.setBold(True)
                 item.setFont(font)
-                item.setToolTip("The project stands here")
+                item.setToolTip(tr("The project stands here"))
             else:
-                item.setToolTip("Click to go back to here")
+                item.setToolTip(tr("Click to go back to here"))
             here = position == history.position
             item.setIcon(self._icons.get("ph.caret-right" if here else "ph.minus", "accent"))
             self.addItem(item)

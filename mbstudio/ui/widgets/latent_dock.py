@@ -5,11 +5,14 @@ from __future__ import annotations
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QStackedWidget, QTabBar, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.blend_page import BlendPage
 from mbstudio.ui.widgets.factor_radar import FactorPage
 from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.latent_map_plot import LatentMapPlot
+
+_PAGES = (mark("Factors"), mark("Blend"), mark("Map"))
 
 
 class LatentDock(QFrame):
@@ -23,10 +26,11 @@ class LatentDock(QFrame):
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
-        self.tabs.setAccessibleName("Page of the latent studio")
+        self.tabs.setAccessibleName(tr("Page of the latent studio"))
         self._stack = QStackedWidget()
-        for title, page in (("Factors", self.factors), ("Blend", self.blend), ("Map", self.map)):
-            self.tabs.addTab(title)
+        pages: tuple[QWidget, ...] = (self.factors, self.blend, self.map)
+        for title, page in zip(_PAGES, pages, strict=True):
+            self.tabs.addTab(tr(title))
             self._stack.addWidget(_scrolling(page) if page is not self.map else _explained(page))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         layout = QVBoxLayout(self)
@@ -37,8 +41,7 @@ class LatentDock(QFrame):
 
     def open_page(self, title: str) -> None:
         """Turn to a page: Factors, Blend or Map."""
-        names = [self.tabs.tabText(place) for place in range(self.tabs.count())]
-        self.tabs.setCurrentIndex(names.index(title))
+        self.tabs.setCurrentIndex(_PAGES.index(title))
 
 
 def _explained(plot: QWidget) -> QWidget:
@@ -52,8 +55,10 @@ def _explained(plot: QWidget) -> QWidget:
     line.setContentsMargins(14, 0, 14, 0)
     line.addWidget(
         label(
-            "Small dots: parents. Rings: clones. Squares: kept grains. Large dot: the grain under the hand. "
-            "Click to see the grain there, drag to walk.",
+            tr(
+                "Small dots: parents. Rings: clones. Squares: kept grains. Large dot: the grain under the "
+                "hand. Click to see the grain there, drag to walk."
+            ),
             "hint",
             wrap=True,
         )

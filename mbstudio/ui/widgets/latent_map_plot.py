@@ -10,6 +10,7 @@ from jaxtyping import Float
 from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QColor, QFocusEvent, QKeyEvent
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.plots import Plot
 
@@ -62,7 +63,7 @@ class LatentMapPlot(Plot):
 
     def __init__(self, theme: Theme) -> None:
         self.box = WalkBox()
-        super().__init__(theme, "", "", "Map of the latent space", self.box)
+        super().__init__(theme, "", "", tr("Map of the latent space"), self.box)
         self._parents, self._kept = pg.ScatterPlotItem(), pg.ScatterPlotItem()
         self._here, self._clones = pg.ScatterPlotItem(), pg.ScatterPlotItem()
         self._cloned: np.ndarray = np.empty((0, 2))
@@ -74,8 +75,10 @@ class LatentMapPlot(Plot):
             self.addItem(item)
         self._places: tuple[np.ndarray, np.ndarray, np.ndarray] = (np.empty((0, 2)),) * 3
         self.setToolTip(
-            "Click to see the grain there, drag to walk; arrow keys walk by a tenth of the parents' spread."
-            " The wheel zooms, the middle button moves the map."
+            tr(
+                "Click to see the grain there, drag to walk; arrow keys walk by a tenth of the parents' "
+                "spread. The wheel zooms, the middle button moves the map."
+            )
         )
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAspectLocked(True)
@@ -126,7 +129,8 @@ class LatentMapPlot(Plot):
         """Show the parents, and how much of their variance the map holds."""
         self._places = places, np.empty((0, 2)), np.empty((0, 2))
         self.set_names(
-            f"First direction ({share[0]:.0%} of the variance)", f"Second direction ({share[1]:.0%})"
+            tr("First direction ({share:.0%} of the variance)", share=share[0]),
+            tr("Second direction ({share:.0%})", share=share[1]),
         )
         self.box.autoRange()
 

@@ -8,6 +8,7 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QApplication, QFrame, QHBoxLayout, QVBoxLayout, QWidget
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
 
 Answer = Literal["save", "discard", "cancel"]
@@ -30,11 +31,11 @@ class LeaveCard(QFrame):
         self.setProperty("level", "warning")
         self._question, self._told = label("", "heading", wrap=True), label("", "hint", wrap=True)
         self.save, self.discard, self.cancel = (
-            primary_button("&Save"),
-            quiet_button("&Discard"),
-            quiet_button("Cancel"),
+            primary_button(tr("&Save")),
+            quiet_button(tr("&Discard")),
+            quiet_button(tr("Cancel")),
         )
-        self.cancel.setToolTip("Go on working (Esc)")
+        self.cancel.setToolTip(tr("Go on working (Esc)"))
         self._focused: QWidget | None = None
         words = QVBoxLayout()
         words.setSpacing(2)

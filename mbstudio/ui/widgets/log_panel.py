@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import label
 
 KEPT = 500  # lines
@@ -31,10 +32,10 @@ _SIGNS = {
     logging.ERROR: ("ph.warning-octagon", "danger"),
 }
 _CHOICES = (
-    ("Everything", logging.DEBUG),
-    ("Messages", logging.INFO),
-    ("Warnings and errors", logging.WARNING),
-    ("Errors", logging.ERROR),
+    (mark("Everything"), logging.DEBUG),
+    (mark("Messages"), logging.INFO),
+    (mark("Warnings and errors"), logging.WARNING),
+    (mark("Errors"), logging.ERROR),
 )
 
 
@@ -85,19 +86,20 @@ class LogPanel(QFrame):
         self.records = LogRecords(self)
         self.records.came.connect(self.add)
         self.level = QComboBox()
-        self.level.setAccessibleName("Level")
+        self.level.setAccessibleName(tr("Level"))
         for words, level in _CHOICES:
-            self.level.addItem(words, level)
+            self.level.addItem(tr(words), level)
         self.level.setCurrentIndex(1)
         self.level.currentIndexChanged.connect(lambda _: self._fill())
         self.list = QListWidget()
-        self.list.setAccessibleName("Messages and log")
+        self.list.setAccessibleName(tr("Messages and log"))
         self.list.setWordWrap(True)
         self.list.setSelectionMode(QListWidget.SelectionMode.ExtendedSelection)
         copy, clear = QToolButton(), QToolButton()
         for button, icon, words in (
-            (copy, "ph.copy", "Copy these lines"), (clear, "ph.trash", "Clear the list (the log file stays)"),
-        ):  # fmt: skip
+            (copy, "ph.copy", tr("Copy these lines")),
+            (clear, "ph.trash", tr("Clear the list (the log file stays)")),
+        ):
             icons.set(button, icon)
             button.setToolTip(words)
             button.setAccessibleName(words)
@@ -105,7 +107,7 @@ class LogPanel(QFrame):
         clear.clicked.connect(self.clear)
         head = QHBoxLayout()
         head.setContentsMargins(14, 6, 8, 4)
-        head.addWidget(label("Show", "key"))
+        head.addWidget(label(tr("Show"), "key"))
         head.addWidget(self.level)
         head.addStretch(1)
         head.addWidget(copy)
@@ -147,7 +149,7 @@ class LogPanel(QFrame):
             icon, colour = _SIGNS[min(max(line.level // 10 * 10, logging.DEBUG), logging.ERROR)]
             self.list.addItem(QListWidgetItem(self._icons.get(icon, colour), f"{_clock(line)}   {line.text}"))
         if not self.list.count():
-            item = QListWidgetItem("Nothing of this level was said yet.")
+            item = QListWidgetItem(tr("Nothing of this level was said yet."))
             item.setFlags(Qt.ItemFlag.NoItemFlags)
             self.list.addItem(item)
         self.list.scrollToBottom()

@@ -8,6 +8,7 @@ from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 
 Level = Literal["info", "success", "warning", "error"]
 _ICONS = {
@@ -16,6 +17,9 @@ _ICONS = {
     "warning": ("ph.warning", "warning"),
     "error": ("ph.warning-octagon", "danger"),
 }
+_NAMES = {
+    "info": mark("info"), "success": mark("success"), "warning": mark("warning"), "error": mark("error"),
+}  # fmt: skip
 GOOD_NEWS = 8_000  # milliseconds until info and success go by themselves
 
 
@@ -38,8 +42,8 @@ class MessageBar(QFrame):
         self._action.setProperty("quiet", "true")
         close = QToolButton()
         icons.set(close, "ph.x")
-        close.setToolTip("Close this message (Esc)")
-        close.setAccessibleName("Close this message")
+        close.setToolTip(tr("Close this message (Esc)"))
+        close.setAccessibleName(tr("Close this message"))
         close.clicked.connect(self.dismiss)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(16, 9, 10, 9)
@@ -72,7 +76,7 @@ class MessageBar(QFrame):
         self._action.setText(action)
         self._action.setVisible(bool(action))
         self._callback = callback
-        self.setAccessibleName(f"{level}: {text}")
+        self.setAccessibleName(f"{tr(_NAMES[level])}: {text}")
         self.show()
         if level in ("info", "success"):
             self._timer.start(GOOD_NEWS)

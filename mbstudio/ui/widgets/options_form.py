@@ -11,9 +11,34 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QSpinBox, QVBoxLa
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.options import option_notes, plain_options, read_options
 from mbstudio.core.imaging.steps import Method
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import FIELD, empty, label, quiet_button, row
 
 MOST = 2**31 - 1
+_TITLES = {
+    "generations": mark("Generations"),
+    "working_side": mark("Working side"),
+    "hull_points": mark("Hull points"),
+    "cavities": mark("Cavities"),
+    "learning_rate": mark("Learning rate"),
+    "adam_share": mark("Adam share"),
+    "beta1": mark("Beta1"),
+    "beta2": mark("Beta2"),
+    "epsilon": mark("Epsilon"),
+    "momentum": mark("Momentum"),
+    "batch_points": mark("Batch points"),
+    "weight": mark("Weight"),
+    "radius_offset": mark("Radius offset"),
+    "common_factor": mark("Common factor"),
+    "parameter": mark("Parameter"),
+    "least_k": mark("Least k"),
+    "reduction": mark("Reduction"),
+    "unit": mark("Unit"),
+    "hull": mark("Hull"),
+    "zeroed": mark("Zeroed"),
+    "used_up": mark("Used up"),
+    "clustering": mark("Clustering"),
+}
 
 
 class OptionsForm(QWidget):
@@ -32,7 +57,7 @@ class OptionsForm(QWidget):
         self._method: Method | None = None
         self._shown: tuple[Method, Mapping[str, Any]] | None = None
         self.fields: dict[str, QWidget] = {}
-        self.open_button = quiet_button("Options of the method …")
+        self.open_button = quiet_button(tr("Options of the method …"))
         self.open_button.setCheckable(True)
         self._refusal = label("", "hint", wrap=True)
         self._refusal.hide()
@@ -75,7 +100,8 @@ class OptionsForm(QWidget):
             field = self._field(kind)
             self.fields[name] = field
             tip = f"<p>{notes.get(name, '')}</p>"  # rich text, so that Qt breaks the lines
-            self._layout.addWidget(row(name.replace("_", " ").capitalize(), field, tip))
+            plain = name.replace("_", " ").capitalize()
+            self._layout.addWidget(row(tr(_TITLES[name]) if name in _TITLES else plain, field, tip))
 
     def _field(self, kind: Any) -> QWidget:
         if kind is bool:

@@ -10,6 +10,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QColor, QFont
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 
 pg.setConfigOptions(antialias=True)
@@ -78,7 +79,7 @@ class ConvergenceCurve(Plot):
     """Loss on a log axis against generations, growing while a fit runs."""
 
     def __init__(self, theme: Theme) -> None:
-        super().__init__(theme, "Generation", "Mean loss", "Convergence curve")
+        super().__init__(theme, tr("Generation"), tr("Mean loss"), tr("Convergence curve"))
         self.setLogMode(x=False, y=True)
         # Generations are whole numbers: "0.5k" would be wrong here, and so would a prefix for losses.
         for side in ("bottom", "left"):
@@ -128,7 +129,7 @@ class ConvergenceCurve(Plot):
         else:
             self._head.setData([], [])
         self._words.setText(
-            "" if good.any() else "The loss of each generation is drawn here while a grain is fitted"
+            "" if good.any() else tr("The loss of each generation is drawn here while a grain is fitted")
         )
         self.getViewBox().setMouseEnabled(x=bool(good.any()), y=bool(good.any()))
         if good.any():

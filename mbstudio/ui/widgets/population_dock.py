@@ -20,7 +20,9 @@ from PySide6.QtWidgets import (
 from mbstudio.core.populations import Population
 from mbstudio.scene.population_style import colour_of
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.comparison_table import name_of
 from mbstudio.ui.widgets.forms import label
 from mbstudio.ui.widgets.population_plots import PopulationPlot, Shown, pages
 
@@ -53,7 +55,7 @@ class PopulationDock(QFrame):
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
-        self.tabs.setAccessibleName("Kind of plot")
+        self.tabs.setAccessibleName(tr("Kind of plot"))
         self._stack = QStackedWidget()
         for name, (title, page) in pages(theme).items():
             self.tabs.addTab(title)
@@ -87,11 +89,11 @@ class PopulationDock(QFrame):
         self._tool_line.setSpacing(2)
         self._tool_line.addWidget(self._legend, 1)
         for button, icon, words in (
-            (self.rectangle, "ph.selection", "Choose by dragging a rectangle"),
-            (self.lasso, "ph.scribble-loop", "Choose by drawing a lasso"),
-            (self.everything, "ph.frame-corners", "Show the whole plot"),
-            (self.copy, "ph.copy", "Copy the figure as a picture"),
-            (self.save, "ph.download-simple", "Save the figure (SVG, PNG, PDF)…"),
+            (self.rectangle, "ph.selection", tr("Choose by dragging a rectangle")),
+            (self.lasso, "ph.scribble-loop", tr("Choose by drawing a lasso")),
+            (self.everything, "ph.frame-corners", tr("Show the whole plot")),
+            (self.copy, "ph.copy", tr("Copy the figure as a picture")),
+            (self.save, "ph.download-simple", tr("Save the figure (SVG, PNG, PDF)…")),
         ):
             icons.set(button, icon)
             button.setToolTip(words)
@@ -156,7 +158,7 @@ class PopulationDock(QFrame):
     def _write_legend(self) -> None:
         parts = [
             f'<span style="color:{colour_of(population, self._theme.scene)}">{_SIGNS[place % 3]}</span> '
-            f"{escape(population.name)} ({int(population.measured.sum())})"
+            f"{escape(name_of(population))} ({int(population.measured.sum())})"
             for place, population in enumerate(self._populations)
         ]
         self._legend.setText(" &nbsp; ".join(parts))

@@ -30,8 +30,10 @@ from mbstudio.core.units import conversion_factor
 from mbstudio.scene.form_figures import CLASS_PLACES, SHORT, triangle
 from mbstudio.scene.population_figures import shared_edges
 from mbstudio.scene.population_style import colour_of, readable_scale
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.brush_plot import SYMBOLS, BrushPlot, Mode, Points
+from mbstudio.ui.widgets.comparison_table import name_of
 from mbstudio.ui.widgets.forms import label
 
 STYLES = (Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine, Qt.PenStyle.DotLine)
@@ -161,8 +163,8 @@ class DistributionPlot(PopulationPlot):
     """Cumulative distribution above, density below."""
 
     def __init__(self, theme: Theme) -> None:
-        self.cdf = BrushPlot(theme, "Cumulative distribution")
-        self.pdf = BrushPlot(theme, "Density", across=True)
+        self.cdf = BrushPlot(theme, tr("Cumulative distribution"))
+        self.pdf = BrushPlot(theme, tr("Density"), across=True)
         super().__init__(theme, self.cdf, self.pdf)
         self.pdf.setXLink(self.cdf)
         for plot in (self.cdf, self.pdf):
@@ -172,10 +174,9 @@ class DistributionPlot(PopulationPlot):
         name, by = self._shown.factor, self._shown.by
         scale, unit = readable_scale(self._populations, name)
         heading = FACTOR_NAMES[name].heading(unit)
-        share = "number" if by == "number" else "mass"
-        self.cdf.set_names("", f"Share by {share}")
+        self.cdf.set_names("", tr("Share by number") if by == "number" else tr("Share by mass"))
         per = FACTOR_NAMES[name].unit(unit)
-        self.pdf.set_names(heading, f"Density (1/{per})" if per else "Density")
+        self.pdf.set_names(heading, tr("Density (1/{unit})", unit=per) if per else tr("Density"))
         rises, ticks = [], []
         edges = shared_edges(self._populations, name, by, scale)
         for place, population in enumerate(self._populations):
@@ -219,7 +220,7 @@ class PairPlot(PopulationPlot):
     """One factor against another."""
 
     def __init__(self, theme: Theme) -> None:
-        self.plot = BrushPlot(theme, "Pairs of factors")
+        self.plot = BrushPlot(theme, tr("Pairs of factors"))
         super().__init__(theme, self.plot)
 
     def _draw(self) -> str:
@@ -234,16 +235,18 @@ class PairPlot(PopulationPlot):
             rows = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
             groups.append(self._points(place, population, rows, x[rows], y[rows]))
             if len(rows) > 2 and np.ptp(x[rows]) and np.ptp(y[rows]):
-                told.append(f"{population.name} {np.corrcoef(x[rows], y[rows])[0, 1]:+.2f}")
+                told.append(f"{name_of(population)} {np.corrcoef(x[rows], y[rows])[0, 1]:+.2f}")
         self.plot.set_points(groups)
-        return f"Correlation: {', '.join(told)}" if told else ""
+        return tr("Correlation: {values}", values=", ".join(told)) if told else ""
 
 
 class FormPlot(PopulationPlot):
     """Zingg's square or the triangle of Sneed and Folk, with their classes."""
 
     def __init__(self, theme: Theme, kind: str) -> None:
-        self.plot = BrushPlot(theme, "Zingg diagram" if kind == "zingg" else "Sneed and Folk's diagram")
+        self.plot = BrushPlot(
+            theme, tr("Zingg diagram") if kind == "zingg" else tr("Sneed and Folk's diagram")
+        )
         super().__init__(theme, self.plot)
         self._kind = kind
         if kind != "zingg":
@@ -270,15 +273,15 @@ class FormPlot(PopulationPlot):
         for population, diagram in zip(self._populations, diagrams, strict=True):
             total = max(1, len(diagram.classes))
             shares = [
-                f"{SHORT.get(name, name)} {100 * diagram.counts[name] / total:.0f} %"
+                f"{tr(SHORT.get(name, name))} {100 * diagram.counts[name] / total:.0f} %"
                 for name in names
                 if diagram.counts[name]
             ]
-            told.append(f"{population.name}: {', '.join(shares)}")
+            told.append(f"{name_of(population)}: {', '.join(shares)}")
         return "\n".join(told)
 
     def _draw_zingg(self) -> None:
-        self.plot.set_names("c/b (flatness ratio)", "b/a (elongation ratio)")
+        self.plot.set_names(tr("c/b (flatness ratio)"), tr("b/a (elongation ratio)"))
         grey = pg.mkPen(self._theme.tokens.faint, style=Qt.PenStyle.DashLine)
         self._line(self.plot, [0, 1], [ZINGG_LIMIT] * 2, grey)
         self._line(self.plot, [ZINGG_LIMIT] * 2, [0, 1], grey)
@@ -286,8 +289,11 @@ class FormPlot(PopulationPlot):
         left, right = ZINGG_LIMIT / 2, (1 + ZINGG_LIMIT) / 2
         # Those above stand outside the square: most bodies lie in its upper right.
         for name, x, y in (
-            ("disc", left, 1.0), ("equant", right, 1.0), ("blade", left, 0.0), ("rod", right, 0.0),
-        ):  # fmt: skip
+            (tr("disc"), left, 1.0),
+            (tr("equant"), right, 1.0),
+            (tr("blade"), left, 0.0),
+            (tr("rod"), right, 0.0),
+        ):
             self._words(self.plot, name, x, y, (0.5, 1.0))
         self._line(self.plot, [0, 0], [0, 1.04], pg.mkPen(None))
 
@@ -305,15 +311,15 @@ class FormPlot(PopulationPlot):
         self._outline(corners, pg.mkPen(self._theme.tokens.text, width=1.3))
         for name, (side, height) in CLASS_PLACES.items():
             x, y = triangle(np.array([side]), np.array([height]))[0]
-            self._words(self.plot, SHORT[name], x, y, (0.5, 0.5))
+            self._words(self.plot, tr(SHORT[name]), x, y, (0.5, 0.5))
         for height in (0.0, *SNEED_FOLK_HEIGHTS):
             x, y = triangle(np.array([0.0]), np.array([height]))[0]
             self._words(self.plot, f"{height:g}", x, y, (1.1, 0.5))
         for side, words in ((0.0, "0"), (1 / 3, "0.33"), (2 / 3, "0.67"), (1.0, "1")):
             self._words(self.plot, words, side, 0.0, (0.5, 0.0))
         x, y = corners[2]
-        self._words(self.plot, "compact, c/a = 1", x, y, (0.5, 1.0))
-        for words, at in (("platy", 0.0), ("(a − b) / (a − c)", 0.5), ("elongate", 1.0)):
+        self._words(self.plot, tr("compact, c/a = 1"), x, y, (0.5, 1.0))
+        for words, at in ((tr("platy"), 0.0), ("(a − b) / (a − c)", 0.5), (tr("elongate"), 1.0)):
             self._words(self.plot, words, at, -0.05, (at, 0.0))
         # Words do not count for the range: room for those outside the triangle.
         self._line(self.plot, [-0.04, 1.04], [-0.12, 0.93], pg.mkPen(None))
@@ -323,7 +329,7 @@ class SizePlot(PopulationPlot):
     """Percent finer by mass against size on a log axis."""
 
     def __init__(self, theme: Theme) -> None:
-        self.plot = BrushPlot(theme, "Particle-size distribution")
+        self.plot = BrushPlot(theme, tr("Particle-size distribution"))
         super().__init__(theme, self.plot)
         self.plot.getAxis("bottom").setLogMode(True, False)
 
@@ -331,9 +337,13 @@ class SizePlot(PopulationPlot):
         sieves = self._shown.sieves
         curves = [(p, size_distribution(p, sieves)) for p in self._populations]
         unit = readable_scale(self._populations, "intermediate")[1]
-        words = "Intermediate axis b" if sieves is None else f"Sieve opening, {SERIES_NAMES[sieves]}"
+        words = (
+            tr("Intermediate axis b")
+            if sieves is None
+            else tr("Sieve opening, {series}", series=SERIES_NAMES[sieves])
+        )
         heading = FACTOR_NAMES["intermediate"].heading(unit).rpartition("(")[2]
-        self.plot.set_names(f"{words} ({heading}", "Finer by mass (%)")
+        self.plot.set_names(f"{words} ({heading}", tr("Finer by mass (%)"))
         groups = []
         for place, (population, curve) in enumerate(curves):
             factor = conversion_factor(curve.unit, unit) if unit != curve.unit else 1.0
@@ -355,10 +365,10 @@ class SizePlot(PopulationPlot):
 def pages(theme: Theme) -> dict[str, tuple[str, PopulationPlot]]:
     """Return the pages of the plots by name, each with its title."""
     makers: dict[str, tuple[str, Callable[[], PopulationPlot]]] = {
-        "distribution": ("Distribution", lambda: DistributionPlot(theme)),
-        "pairs": ("Pairs", lambda: PairPlot(theme)),
-        "zingg": ("Zingg", lambda: FormPlot(theme, "zingg")),
-        "sneed_folk": ("Sneed–Folk", lambda: FormPlot(theme, "sneed_folk")),
-        "size": ("Size", lambda: SizePlot(theme)),
+        "distribution": (tr("Distribution"), lambda: DistributionPlot(theme)),
+        "pairs": (tr("Pairs"), lambda: PairPlot(theme)),
+        "zingg": (tr("Zingg"), lambda: FormPlot(theme, "zingg")),
+        "sneed_folk": (tr("Sneed–Folk"), lambda: FormPlot(theme, "sneed_folk")),
+        "size": (tr("Size"), lambda: SizePlot(theme)),
     }
     return {name: (title, make()) for name, (title, make) in makers.items()}

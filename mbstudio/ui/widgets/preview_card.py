@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QHBoxLayout, QTool
 from mbstudio.core.dem.preview import ExportPreview
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import empty, label
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
@@ -28,9 +29,9 @@ class PreviewCard(QFrame):
     def __init__(self, icons: Icons) -> None:
         super().__init__()
         self.setObjectName("card")
-        self.switch = QCheckBox("Preview")
+        self.switch = QCheckBox(tr("Preview"))
         self.switch.setChecked(True)
-        self.switch.setToolTip("Show one avatar with what stands for it in the export")
+        self.switch.setToolTip(tr("Show one avatar with what stands for it in the export"))
         self.name = label("", "key")
         head = QHBoxLayout()
         head.setSpacing(2)
@@ -38,8 +39,8 @@ class PreviewCard(QFrame):
         head.addWidget(self.name)
         self.steps: list[QToolButton] = []
         for step, icon, tip in (
-            (-1, "ph.caret-left", "The avatar before"),
-            (1, "ph.caret-right", "The next avatar"),
+            (-1, "ph.caret-left", tr("The avatar before")),
+            (1, "ph.caret-right", tr("The next avatar")),
         ):
             button = QToolButton()
             icons.set(button, icon)
@@ -85,10 +86,10 @@ class PreviewCard(QFrame):
         """Show the numbers of a preview."""
         self.clear()
         for place, (title, text, tip) in enumerate(_lines(preview)):
-            key, value = label(title, "key"), label(text, "value")
+            key, value = label(tr(title), "key"), label(text, "value")
             value.setAlignment(Qt.AlignmentFlag.AlignRight)
             for widget in (key, value):
-                widget.setToolTip(tip)
+                widget.setToolTip(tr(tip))
             self._rows.addWidget(key, place, 0)
             self._rows.addWidget(value, place, 1)
             self.texts[title] = text
@@ -96,56 +97,78 @@ class PreviewCard(QFrame):
 
 
 def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
-    """Return name, value and explanation of each number."""
+    """Return name, value and explanation of each number; the value alone is translated already."""
     figures = preview.figures
     if preview.geometry == "clump":
         return [
-            ("Spheres", f"{figures['spheres']:.0f}", "Of this clump"),
-            ("IoU", f"{figures['iou']:.4f}", "Volume shared by clump and avatar over that of both together"),
-            ("Volume error", _percent(figures["volume_error"]), "Of the union of spheres"),
+            (mark("Spheres"), f"{figures['spheres']:.0f}", mark("Of this clump")),
             (
-                "Inertia error",
+                mark("IoU"),
+                f"{figures['iou']:.4f}",
+                mark("Volume shared by clump and avatar over that of both together"),
+            ),
+            (mark("Volume error"), _percent(figures["volume_error"]), mark("Of the union of spheres")),
+            (
+                mark("Inertia error"),
                 _percent(figures["inertia_error"]),
-                "Of the union of spheres; decks that state a mass carry the avatar's own inertia",
+                mark("Of the union of spheres; decks that state a mass carry the avatar's own inertia"),
             ),
             _hausdorff(preview),
             (
-                "Smallest radius",
+                mark("Smallest radius"),
                 _length(preview, "smallest_radius_length"),
-                "It decides the time step of most engines",
+                mark("It decides the time step of most engines"),
             ),
         ]
     if preview.geometry == "mesh":
         genus = round((2 - figures["euler_number"]) / 2)
         return [
             (
-                "Triangles",
-                f"{figures['triangles']:.0f} ({figures['cells']:.0f} cells across)",
-                "Of this mesh; cells: edges along the longest side",
+                mark("Triangles"),
+                tr(
+                    "{triangles:.0f} ({cells:.0f} cells across)",
+                    triangles=figures["triangles"],
+                    cells=figures["cells"],
+                ),
+                mark("Of this mesh; cells: edges along the longest side"),
             ),
-            ("Smallest angle", f"{figures['smallest_angle']:.1f}°", "Engines refuse slivers"),
-            ("Watertight", "yes" if figures["watertight"] else "no", "Closed and oriented outwards"),
-            ("Holes through it", f"{genus}", "Genus of the surface"),
+            (mark("Smallest angle"), f"{figures['smallest_angle']:.1f}°", mark("Engines refuse slivers")),
             (
-                "Edges",
-                f"{_length(preview, 'mean_edge_length')}, longest {_length(preview, 'longest_edge_length')}",
-                "Mean and longest edge",
+                mark("Watertight"),
+                tr("yes") if figures["watertight"] else tr("no"),
+                mark("Closed and oriented outwards"),
             ),
-            ("Volume error", _percent(figures["volume_error"]), "Of the flat triangles"),
+            (mark("Holes through it"), f"{genus}", mark("Genus of the surface")),
+            (
+                mark("Edges"),
+                tr(
+                    "{mean}, longest {longest}",
+                    mean=_length(preview, "mean_edge_length"),
+                    longest=_length(preview, "longest_edge_length"),
+                ),
+                mark("Mean and longest edge"),
+            ),
+            (mark("Volume error"), _percent(figures["volume_error"]), mark("Of the flat triangles")),
             _hausdorff(preview),
         ]
     if preview.geometry == "grid":
         return [
-            ("Grid nodes", f"{figures['nodes']:.0f}", "Of the padded grid"),
-            ("Spacing", _length(preview, "spacing_length"), "Of the nodes"),
-            ("Volume error", _percent(figures["volume_error"]), "Of the zero of the distances"),
+            (mark("Grid nodes"), f"{figures['nodes']:.0f}", mark("Of the padded grid")),
+            (mark("Spacing"), _length(preview, "spacing_length"), mark("Of the nodes")),
+            (mark("Volume error"), _percent(figures["volume_error"]), mark("Of the zero of the distances")),
         ]
-    return [("Control points", f"{figures['control_points']:.0f}", "The avatar goes across as it is")]
+    return [
+        (mark("Control points"), f"{figures['control_points']:.0f}", mark("The avatar goes across as it is"))
+    ]
 
 
 def _hausdorff(preview: ExportPreview) -> tuple[str, str, str]:
     length, share = _length(preview, "hausdorff_length"), _percent(preview.figures["hausdorff"])
-    return "Hausdorff", f"{length} ({share} of Dₙ)", "Largest distance of both surfaces"
+    return (
+        mark("Hausdorff"),
+        tr("{length} ({share} of Dₙ)", length=length, share=share),
+        mark("Largest distance of both surfaces"),
+    )
 
 
 def _percent(share: float) -> str:

@@ -20,31 +20,52 @@ from PySide6.QtWidgets import (
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import Population
 from mbstudio.scene.population_style import readable_scale
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import label
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.quality import FactorQuality, Quality
 
-_HEADS = ("Factor", "Mean", "δ mean", "true", "Std. dev.", "δ s.d.", "true", "K-S D", "true")
+_TRUE = mark("true")
+_HEADS = (
+    mark("Factor"), mark("Mean"), mark("δ mean"), _TRUE, mark("Std. dev."), mark("δ s.d."), _TRUE,
+    mark("K-S D"), _TRUE,
+)  # fmt: skip
+_TRUE_TIP = mark("What as many true new grains would score: one sample in twenty exceeds it")
 _TIPS = (
-    "The paper's six factors",
-    "Mean of the clones; of the parents in brackets",
-    "100 |clones − parents| / |parents| of the means",
-    "What as many true new grains would score: one sample in twenty exceeds it",
-    "Standard deviation of the clones; of the parents in brackets",
-    "100 |clones − parents| / |parents| of the standard deviations",
-    "What as many true new grains would score: one sample in twenty exceeds it",
-    "Kolmogorov–Smirnov: largest distance of the two cumulative distributions",
-    "What as many true new grains would score: one sample in twenty exceeds it",
+    mark("The paper's six factors"),
+    mark("Mean of the clones; of the parents in brackets"),
+    mark("100 |clones − parents| / |parents| of the means"),
+    _TRUE_TIP,
+    mark("Standard deviation of the clones; of the parents in brackets"),
+    mark("100 |clones − parents| / |parents| of the standard deviations"),
+    _TRUE_TIP,
+    mark("Kolmogorov–Smirnov: largest distance of the two cumulative distributions"),
+    _TRUE_TIP,
 )
 _FACTS = (
-    ("Novelty", "Median distance to the nearest parent over the parents' own: 1 is as new as real grains"),
-    ("Copies", "Share of clones nearer to a parent than 0.3 of the parents' own distance"),
-    ("Diversity", "Median distance to the nearest other clone over that of the parents: 1 is as varied"),
-    ("Valid", "Share of the candidates that were one body without void as drawn, and of the clones"),
-    ("Told from parents", "Area under the curve of a random forest that tells them apart: 0.5 is guessing"),
-)  # fmt: skip
+    (
+        mark("Novelty"),
+        mark("Median distance to the nearest parent over the parents' own: 1 is as new as real grains"),
+    ),
+    (
+        mark("Copies"),
+        mark("Share of clones nearer to a parent than 0.3 of the parents' own distance"),
+    ),
+    (
+        mark("Diversity"),
+        mark("Median distance to the nearest other clone over that of the parents: 1 is as varied"),
+    ),
+    (
+        mark("Valid"),
+        mark("Share of the candidates that were one body without void as drawn, and of the clones"),
+    ),
+    (
+        mark("Told from parents"),
+        mark("Area under the curve of a random forest that tells them apart: 0.5 is guessing"),
+    ),
+)
 
 
 class QualityTable(QFrame):
@@ -55,7 +76,7 @@ class QualityTable(QFrame):
         self._theme = theme
         self._shown: tuple[Quality, Sequence[Population]] | None = None
         self.table = QTableWidget(0, len(_HEADS))
-        self.table.setAccessibleName("Errors of the clones' factors")
+        self.table.setAccessibleName(tr("Errors of the clones' factors"))
         self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
         self.table.setShowGrid(False)
@@ -75,7 +96,7 @@ class QualityTable(QFrame):
         line.setContentsMargins(14, 4, 14, 5)
         line.setSpacing(22)
         for title, tip in _FACTS:
-            self._facts[title].setToolTip(tip)
+            self._facts[title].setToolTip(tr(tip))
             line.addWidget(self._facts[title])
         line.addStretch(1)
         layout = QVBoxLayout(self)
@@ -107,7 +128,7 @@ class QualityTable(QFrame):
 
     def fact(self, title: str) -> str:
         """Return a fact, by its title."""
-        return self._facts[title].text().removeprefix(f"{title}: ")
+        return self._facts[title].text().removeprefix(f"{tr(title)}: ")
 
     def _fill(self) -> None:
         there = self._shown is not None
@@ -120,23 +141,27 @@ class QualityTable(QFrame):
         quality, shown = self._shown
         self.table.setRowCount(len(quality.factors))
         for column, (head, tip) in enumerate(zip(_HEADS, _TIPS, strict=True)):
-            item = QTableWidgetItem(head)
-            item.setToolTip(tip)
+            item = QTableWidgetItem(tr(head))
+            item.setToolTip(tr(tip))
             item.setTextAlignment(_side(column))
             self.table.setHorizontalHeaderItem(column, item)
         for row, factor in enumerate(quality.factors):
             self._fill_row(row, factor, shown)
         told, new = quality.discrimination, quality.novelty
-        before = "" if quality.valid_before is None else f"{100 * quality.valid_before:.0f} % as drawn, "
+        valid = tr("{kept:.0f} % of the clones", kept=100 * quality.valid_after)
+        if quality.valid_before is not None:
+            valid = tr("{drawn:.0f} % as drawn, {valid}", drawn=100 * quality.valid_before, valid=valid)
         facts = {
             "Novelty": f"{new.novelty:.2f}",
             "Copies": f"{100 * new.copies:.1f} %",
             "Diversity": f"{new.diversity:.2f}",
-            "Valid": f"{before}{100 * quality.valid_after:.0f} % of the clones",
-            "Told from parents": "too few to say" if told is None else f"{told.auc:.2f} ± {told.error:.2f}",
+            "Valid": valid,
+            "Told from parents": tr("too few to say")
+            if told is None
+            else f"{told.auc:.2f} ± {told.error:.2f}",
         }
         for title, text in facts.items():
-            self._facts[title].setText(f"{title}: {text}")
+            self._facts[title].setText(f"{tr(title)}: {text}")
 
     def _fill_row(self, row: int, factor: FactorQuality, shown: Sequence[Population]) -> None:
         scale, unit = readable_scale(shown, factor.factor)
@@ -158,11 +183,15 @@ class QualityTable(QFrame):
         for column, text in enumerate(texts):
             item = QTableWidgetItem(text)
             item.setTextAlignment(_side(column))
-            item.setToolTip(_TIPS[column])
+            item.setToolTip(tr(_TIPS[column]))
             if column in marks:
                 item.setForeground(QBrush(QColor(tokens.success if marks[column] else tokens.danger)))
-                verdict = "No worse than" if marks[column] else "Worse than"
-                item.setToolTip(f"{_TIPS[column]}. {verdict} 19 of 20 samples of true new grains")
+                measure = tr(_TIPS[column])
+                item.setToolTip(
+                    tr("{measure}. No worse than 19 of 20 samples of true new grains", measure=measure)
+                    if marks[column]
+                    else tr("{measure}. Worse than 19 of 20 samples of true new grains", measure=measure)
+                )
             elif column in (3, 6, 8):
                 item.setForeground(QBrush(QColor(tokens.muted)))
             self.table.setItem(row, column, item)

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QVBoxLayout
 
 from mbstudio.core.project import AutosaveNote
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
 
 
@@ -16,14 +17,14 @@ class RecoveryCard(QFrame):
     def __init__(self, note: AutosaveNote) -> None:
         super().__init__()
         self.setObjectName("card")
-        self.restore = primary_button("Restore")
-        self.restore.setAccessibleName(f"Restore {note.title}")
-        self.remove = quiet_button("Remove")
-        self.remove.setAccessibleName(f"Remove the unsaved work on {note.title}")
-        self.remove.setToolTip("Remove this work for good")
+        self.restore = primary_button(tr("Restore"))
+        self.restore.setAccessibleName(tr("Restore {title}", title=note.title))
+        self.remove = quiet_button(tr("Remove"))
+        self.remove.setAccessibleName(tr("Remove the unsaved work on {title}", title=note.title))
+        self.remove.setToolTip(tr("Remove this work for good"))
         words = QVBoxLayout()
         words.setSpacing(2)
-        words.addWidget(label(f"Unsaved work: {note.title}", "heading"))
+        words.addWidget(label(tr("Unsaved work: {title}", title=note.title), "heading"))
         place = f" {note.path.parent}." if note.path is not None else ""
         words.addWidget(label(f"{described(note)}, {age(note.saved)}.{place}", "hint", wrap=True))
         layout = QHBoxLayout(self)
@@ -36,17 +37,23 @@ class RecoveryCard(QFrame):
 
 def described(note: AutosaveNote) -> str:
     """Return what an autosave holds, in words."""
-    counted = ((note.grains, "grain"), (note.fits, "avatar"), (note.clones, "clone"))
-    parts = [f"{count:,} {name}{'s' if count != 1 else ''}" for count, name in counted if count]
-    return ", ".join(parts) or "a scan and its settings"
+    counted = (
+        (note.grains, mark("{count:,} grain"), mark("{count:,} grains")),
+        (note.fits, mark("{count:,} avatar"), mark("{count:,} avatars")),
+        (note.clones, mark("{count:,} clone"), mark("{count:,} clones")),
+    )
+    parts = [tr(one if count == 1 else many, count=count) for count, one, many in counted if count]
+    return ", ".join(parts) or tr("a scan and its settings")
 
 
 def age(saved: datetime, now: datetime | None = None) -> str:
     """Return how long ago something was written, in words."""
     minutes = ((now or datetime.now(UTC)) - saved).total_seconds() / 60
     if minutes < 1.5:
-        return "a minute ago"
+        return tr("a minute ago")
     if minutes < 90:
-        return f"{minutes:.0f} minutes ago"
+        return tr("{minutes:.0f} minutes ago", minutes=minutes)
     hours = minutes / 60
-    return f"{hours:.0f} hours ago" if hours < 36 else saved.astimezone().strftime("on %d %B %Y at %H:%M")
+    if hours < 36:
+        return tr("{hours:.0f} hours ago", hours=hours)
+    return tr("on {moment:%d %B %Y} at {moment:%H:%M}", moment=saved.astimezone())

@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 
 from mbstudio.core.errors import UnitError
 from mbstudio.core.units import VoxelSize, unit_label
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label, primary_button, row
 
 TYPES = ("uint8", "uint16", "int16", "float32", "int32", "uint32", "float64")
@@ -53,32 +54,32 @@ class ScanDialog(QDialog):
 
     def __init__(self, path: Path, why: str, raw: bool, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setWindowTitle("Open scan")
+        self.setWindowTitle(tr("Open scan"))
         self.setMinimumWidth(430)
         self._path, self._raw = path, raw
         self.size_field = QLineEdit()
-        self.size_field.setPlaceholderText("14 or 20 x 14 x 14")
+        self.size_field.setPlaceholderText(tr("14 or 20 x 14 x 14"))
         self.size_field.setMinimumWidth(190)
         self.unit_field = QComboBox()
         for unit in ("um", "mm", "nm", "cm", "m"):
             self.unit_field.addItem(unit_label(unit), unit)
-        self.unit_field.setAccessibleName("Unit of the voxel size")
+        self.unit_field.setAccessibleName(tr("Unit of the voxel size"))
         size = QWidget()
         line = QHBoxLayout(size)
         line.setContentsMargins(0, 0, 0, 0)
         line.addWidget(self.size_field, 1)
         line.addWidget(self.unit_field)
         self._size_row = row(
-            "Voxel size", size, "Edge length of a voxel; three numbers (z, y, x) if they differ"
+            tr("Voxel size"), size, tr("Edge length of a voxel; three numbers (z, y, x) if they differ")
         )
-        self.size_field.setAccessibleName("Voxel size")
+        self.size_field.setAccessibleName(tr("Voxel size"))
         self.shape_fields = [QSpinBox() for _ in "zyx"]
         self.type_field = QComboBox()
         self.type_field.addItems(TYPES)
         self.header_field = QSpinBox()
         self.header_field.setRange(0, 2**31 - 1)
-        self.header_field.setSuffix(" bytes")
-        self.order_field = QCheckBox("Most significant byte first (big endian)")
+        self.header_field.setSuffix(tr(" bytes"))
+        self.order_field = QCheckBox(tr("Most significant byte first (big endian)"))
         self._problem = label("", "hint", wrap=True)
 
         layout = QVBoxLayout(self)
@@ -93,16 +94,17 @@ class ScanDialog(QDialog):
                 field.setRange(1, 100_000)
                 field.setValue(256)
                 field.setMinimumWidth(120)
-                layout.addWidget(row(f"Voxels along {axis}", field))
+                layout.addWidget(row(tr("Voxels along {axis}", axis=axis), field))
                 field.valueChanged.connect(self._check)
-            layout.addWidget(row("Type of a voxel", self.type_field))
-            layout.addWidget(row("Header to skip", self.header_field))
+            layout.addWidget(row(tr("Type of a voxel"), self.type_field))
+            layout.addWidget(row(tr("Header to skip"), self.header_field))
             layout.addWidget(self.order_field)
             self.type_field.currentIndexChanged.connect(self._check)
             self.header_field.valueChanged.connect(self._check)
         layout.addWidget(self._problem)
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel)
-        self.open_button = primary_button("Open scan")
+        buttons.button(QDialogButtonBox.StandardButton.Cancel).setText(tr("Cancel"))
+        self.open_button = primary_button(tr("Open scan"))
         buttons.addButton(self.open_button, QDialogButtonBox.ButtonRole.AcceptRole)
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
@@ -131,7 +133,7 @@ class ScanDialog(QDialog):
     def _check(self) -> None:
         problem = ""
         if not self.size_field.text().strip():
-            problem = "The reconstruction report or the scanner's protocol tells the voxel size."
+            problem = tr("The reconstruction report or the scanner's protocol tells the voxel size.")
             good = False
         else:
             try:
@@ -147,7 +149,9 @@ class ScanDialog(QDialog):
             needed = int(np.prod(said.shape)) * np.dtype(said.dtype).itemsize + said.header_bytes
             there = self._path.stat().st_size
             if needed != there:
-                problem = f"These figures need {needed:,} bytes; the file has {there:,}."
+                problem = tr(
+                    "These figures need {needed:,} bytes; the file has {there:,}.", needed=needed, there=there
+                )
                 good = needed <= there
         self._problem.setText(problem)
         self.open_button.setEnabled(good)

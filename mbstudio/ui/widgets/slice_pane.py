@@ -18,6 +18,8 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QWidget
 
+from mbstudio.ui.language import tr
+
 MARGIN = 6  # pixels around the picture
 LARGEST_ZOOM = 40.0
 
@@ -69,10 +71,14 @@ class SlicePane(QWidget):
         self.setMouseTracking(True)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMinimumSize(120, 90)
-        self.setAccessibleName(f"Slice {title}")
+        self.setAccessibleName(tr("Slice {plane}", plane=title))
         self.setToolTip(
-            f"<p>{title}: wheel or arrow keys go through the slices, the left button moves the lines, the "
-            "right one changes the grey window (across: its width, up: brighter), Ctrl and wheel zoom.</p>"
+            tr(
+                "<p>{plane}: wheel or arrow keys go through the slices, the left button moves the lines, "
+                "the right one changes the grey window (across: its width, up: brighter), Ctrl and wheel "
+                "zoom.</p>",
+                plane=title,
+            )
         )
 
     def sizeHint(self) -> QSize:

@@ -24,6 +24,7 @@ from mbstudio.core.dem.specimen import SpecimenPlan, target_curve
 from mbstudio.core.errors import ExportError
 from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.core.units import conversion_factor, unit_label
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import label, quiet_button, row
 from mbstudio.ui.widgets.plots import Plot
@@ -38,7 +39,7 @@ class CurvePlot(Plot):
     """The wanted sieve curve and that of the specimen."""
 
     def __init__(self, theme: Theme) -> None:
-        super().__init__(theme, "Size", "Finer by mass [%]", "Sieve curve of the specimen")
+        super().__init__(theme, tr("Size"), tr("Finer by mass [%]"), tr("Sieve curve of the specimen"))
         self.setFixedHeight(176)
         self.setLogMode(x=True, y=False)
         self.setMouseEnabled(x=False, y=False)
@@ -47,8 +48,8 @@ class CurvePlot(Plot):
         self.setYRange(0, 100, padding=0.04)
         self.getAxis("left").setTicks([[(float(share), str(share)) for share in (0, 25, 50, 75, 100)]])
         self._legend = self.getPlotItem().addLegend(offset=(6, 4), labelTextSize="11px")
-        self._wanted = self.plot([], [], name="target", symbol="o", symbolSize=5)
-        self._found = self.plot([], [], name="specimen")
+        self._wanted = self.plot([], [], name=tr("target"), symbol="o", symbolSize=5)
+        self._found = self.plot([], [], name=tr("specimen"))
         self.repaint_theme()
 
     def repaint_theme(self) -> None:
@@ -70,7 +71,7 @@ class CurvePlot(Plot):
             self._wanted.setData([], [])
             self._found.setData([], [])
             return
-        self.set_names(f"Size [{unit_label(wanted.unit)}]", "Finer by mass [%]")
+        self.set_names(tr("Size [{unit}]", unit=unit_label(wanted.unit)), tr("Finer by mass [%]"))
         self._wanted.setData(wanted.sizes, wanted.finer)
         self.setXRange(*np.log10(wanted.sizes[[0, -1]]), padding=0.06)
         low, high = wanted.sizes[[0, -1]]
@@ -99,9 +100,13 @@ class SpecimenForm(QWidget):
 
     def __init__(self, theme: Theme) -> None:
         super().__init__()
-        self.switch = QCheckBox("Fill a specimen")
-        self.switch.setToolTip("Particles of a wanted sieve curve, made from the avatars: a table for every "
-                               "target, and decks that pour them for LIGGGHTS and LAMMPS")  # fmt: skip
+        self.switch = QCheckBox(tr("Fill a specimen"))
+        self.switch.setToolTip(
+            tr(
+                "Particles of a wanted sieve curve, made from the avatars: a table for every "
+                "target, and decks that pour them for LIGGGHTS and LAMMPS"
+            )
+        )
         self.count = QSpinBox()
         self.count.setRange(1, 1_000_000)
         self.count.setValue(500)
@@ -112,7 +117,7 @@ class SpecimenForm(QWidget):
         self.width_field = QDoubleSpinBox()
         self.width_field.setRange(0, 1e9)
         self.width_field.setDecimals(3)
-        self.width_field.setSpecialValueText("as it suits")
+        self.width_field.setSpecialValueText(tr("as it suits"))
         self.seed = QSpinBox()
         self.seed.setRange(0, 2**31 - 1)
         for field in (self.count, self.width_field, self.seed):
@@ -122,10 +127,10 @@ class SpecimenForm(QWidget):
         self.plot = CurvePlot(theme)
         self.summary = label("", "hint", wrap=True)
         self.refusal = label("", "refusal", wrap=True)
-        more, less, own = (quiet_button(text) for text in ("Add", "Remove", "As the avatars"))
-        more.setToolTip("Add a size below the row")
-        less.setToolTip("Remove the row")
-        own.setToolTip("Take the sieve curve of the avatars that are exported")
+        more, less, own = (quiet_button(text) for text in (tr("Add"), tr("Remove"), tr("As the avatars")))
+        more.setToolTip(tr("Add a size below the row"))
+        less.setToolTip(tr("Remove the row"))
+        own.setToolTip(tr("Take the sieve curve of the avatars that are exported"))
         more.clicked.connect(self.add_row)
         less.clicked.connect(self.remove_row)
         own.clicked.connect(self.sizes_asked)
@@ -138,17 +143,23 @@ class SpecimenForm(QWidget):
         inside = QVBoxLayout(self._inside)
         inside.setContentsMargins(0, 0, 0, 0)
         inside.setSpacing(10)
-        inside.addWidget(row("Particles", self.count, "Avatars, scaled to their sizes and turned at random"))
-        inside.addWidget(row("Sizes in", self.unit, "Of the curve and of the box's width"))
+        inside.addWidget(
+            row(tr("Particles"), self.count, tr("Avatars, scaled to their sizes and turned at random"))
+        )
+        inside.addWidget(row(tr("Sizes in"), self.unit, tr("Of the curve and of the box's width")))
         inside.addWidget(self.table)
         inside.addLayout(buttons)
         inside.addWidget(self.refusal)
         inside.addWidget(self.plot)
         inside.addWidget(self.summary)
         inside.addWidget(
-            row("Width of the box", self.width_field, "Of the box of insertion; 0: about half its height")
+            row(
+                tr("Width of the box"),
+                self.width_field,
+                tr("Of the box of insertion; 0: about half its height"),
+            )
         )
-        inside.addWidget(row("Seed", self.seed, "The same seed gives the same specimen"))
+        inside.addWidget(row(tr("Seed"), self.seed, tr("The same seed gives the same specimen")))
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.switch)
@@ -162,8 +173,8 @@ class SpecimenForm(QWidget):
 
     def _make_table(self) -> QTableWidget:
         table = QTableWidget(0, 2)
-        table.setAccessibleName("Sieve curve")
-        table.setHorizontalHeaderLabels(["Size", "Finer by mass [%]"])
+        table.setAccessibleName(tr("Sieve curve"))
+        table.setHorizontalHeaderLabels([tr("Size"), tr("Finer by mass [%]")])
         table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         table.horizontalHeader().setHighlightSections(False)
         table.verticalHeader().hide()
@@ -190,8 +201,11 @@ class SpecimenForm(QWidget):
                 rows.append([float(word.replace(",", ".")) for word in words])
             except ValueError as error:
                 raise ExportError(
-                    f"Row {place + 1} of the sieve curve holds '{' '.join(words)}': write a size and a "
-                    "percentage."
+                    tr(
+                        "Row {row} of the sieve curve holds '{words}': write a size and a percentage.",
+                        row=place + 1,
+                        words=" ".join(words),
+                    )
                 ) from error
         sizes, finer = zip(*rows, strict=True) if rows else ((), ())
         return target_curve(sizes, finer, str(self.unit.currentData()))
@@ -247,7 +261,7 @@ class SpecimenForm(QWidget):
 
     def _curve_changed(self) -> None:
         unit = unit_label(str(self.unit.currentData()))
-        self.table.setHorizontalHeaderLabels([f"Size [{unit}]", "Finer by mass [%]"])
+        self.table.setHorizontalHeaderLabels([tr("Size [{unit}]", unit=unit), tr("Finer by mass [%]")])
         self.width_field.setSuffix(f" {unit}")
         self.changed.emit()
 

@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import Population
 from mbstudio.scene.population_style import readable_scale
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.quality_table import QualityTable
 from mbstudio.ui.widgets.training_plots import TrainingPlots
@@ -38,7 +39,7 @@ class CloneTable(QTableWidget):
 
     def __init__(self) -> None:
         super().__init__(0, 1 + len(FACTORS))
-        self.setAccessibleName("Clones")
+        self.setAccessibleName(tr("Clones"))
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
@@ -59,7 +60,7 @@ class CloneTable(QTableWidget):
         self._quiet = True
         self.setSortingEnabled(False)
         self.setRowCount(0 if clones is None else len(clones))
-        heads = ["Clone"]
+        heads = [tr("Clone")]
         for place, factor in enumerate(FACTORS, 1):
             scale, unit = (1.0, "um") if clones is None else readable_scale([clones], factor)
             name = FACTOR_NAMES[factor]
@@ -112,10 +113,10 @@ class StyleDock(QFrame):
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
-        self.tabs.setAccessibleName("What is shown of the style")
+        self.tabs.setAccessibleName(tr("What is shown of the style"))
         self._stack = QStackedWidget()
         for title, page in (
-            ("Training", self.training), ("Clones", self.clones), ("Quality", self.quality),
+            (tr("Training"), self.training), (tr("Clones"), self.clones), (tr("Quality"), self.quality),
         ):  # fmt: skip
             self.tabs.addTab(title)
             self._stack.addWidget(page)

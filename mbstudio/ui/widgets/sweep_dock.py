@@ -31,6 +31,7 @@ from mbstudio.core.imaging.sweep import (
     smallest_numbers,
 )
 from mbstudio.core.populations import PAPER_FACTORS
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import label, primary_button
 from mbstudio.ui.widgets.sweep_plots import SweepPlot, draw_sweep, line_colours, title_of
@@ -53,7 +54,11 @@ def read_numbers(text: str) -> tuple[int, ...]:
     for word in words:
         if not word.isdecimal():
             raise FitError(
-                f"'{word}' is no number of control points: write whole numbers, as in '{NUMBERS}'."
+                tr(
+                    "'{word}' is no number of control points: write whole numbers, as in '{numbers}'.",
+                    word=word,
+                    numbers=NUMBERS,
+                )
             )
     return checked_numbers([int(word) for word in words])
 
@@ -76,27 +81,32 @@ class SweepDock(QFrame):
         self._workspace, self._work, self._theme = workspace, work, theme
         self._chosen: list[str] = list(PAPER_FACTORS)
         self.numbers = QLineEdit(NUMBERS)
-        self.numbers.setAccessibleName("Numbers of control points to try")
-        self.numbers.setToolTip("Numbers of control points n to try, parted by commas")
+        self.numbers.setAccessibleName(tr("Numbers of control points to try"))
+        self.numbers.setToolTip(tr("Numbers of control points n to try, parted by commas"))
         self.grains = QComboBox()
-        self.grains.setAccessibleName("Grains to sweep")
-        self.grains.setToolTip("Which grains are fitted with each n")
-        self.start_button = primary_button("Sweep")
-        self.cancel_button = QPushButton("Cancel")
+        self.grains.setAccessibleName(tr("Grains to sweep"))
+        self.grains.setToolTip(tr("Which grains are fitted with each n"))
+        self.start_button = primary_button(tr("Sweep"))
+        self.cancel_button = QPushButton(tr("Cancel"))
         self.refusal = label("", "refusal", wrap=True)
-        self.loss = SweepPlot(theme, "Mean loss", "Loss against n", "The loss of each fit is drawn here")
+        self.loss = SweepPlot(
+            theme, tr("Mean loss"), tr("Loss against n"), tr("The loss of each fit is drawn here")
+        )
         self.errors = SweepPlot(
-            theme, "Error (%)", "Errors against n", "Errors of all factors against n are drawn here"
+            theme,
+            tr("Error (%)"),
+            tr("Errors against n"),
+            tr("Errors of all factors against n are drawn here"),
         )
         self.limit = QDoubleSpinBox()
         self.limit.setRange(0.01, 100.0)
         self.limit.setValue(1.0)
         self.limit.setDecimals(2)
         self.limit.setSuffix(" %")
-        self.limit.setAccessibleName("Error to be met")
-        self.limit.setToolTip("The smallest n is told from which on the median error is at most this")
+        self.limit.setAccessibleName(tr("Error to be met"))
+        self.limit.setToolTip(tr("The smallest n is told from which on the median error is at most this"))
         self.table = _table()
-        self.use_button = QPushButton("Use this n")
+        self.use_button = QPushButton(tr("Use this n"))
         self._layout()
         self._connect()
         self.refresh()
@@ -106,12 +116,12 @@ class SweepDock(QFrame):
         layout.setContentsMargins(14, 4, 14, 10)
         layout.setSpacing(6)
         first, second, last = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
-        for words, field in (("n", self.numbers), ("of", self.grains)):
+        for words, field in (("n", self.numbers), (tr("of"), self.grains)):
             first.addWidget(label(words, "key"))
             first.addWidget(field, 1)
         for button in (self.start_button, self.cancel_button):
             second.addWidget(button, 1)
-        last.addWidget(label("Error at most", "key"))
+        last.addWidget(label(tr("Error at most"), "key"))
         last.addWidget(self.limit)
         last.addStretch(1)
         last.addWidget(self.use_button)
@@ -159,7 +169,7 @@ class SweepDock(QFrame):
             self.numbers.setFocus()
             return
         if not self.labels():
-            self._refuse("No grain is chosen: click one in the view or the table, or take all inside.")
+            self._refuse(tr("No grain is chosen: click one in the view or the table, or take all inside."))
             return
         self._refuse("")
         self._work.start(self.labels(), numbers)
@@ -171,11 +181,11 @@ class SweepDock(QFrame):
         kind = self.grains.currentData() or "chosen"
         with QSignalBlocker(self.grains):
             self.grains.clear()
-            self.grains.addItem(f"chosen grains ({len(self._workspace.chosen)})", "chosen")
-            self.grains.addItem(f"all inside ({inside})", "inside")
+            self.grains.addItem(tr("chosen grains ({count})", count=len(self._workspace.chosen)), "chosen")
+            self.grains.addItem(tr("all inside ({count})", count=inside), "inside")
             self.grains.setCurrentIndex(self.grains.findData(kind))
         self.start_button.setEnabled(grains is not None and not running)
-        self.start_button.setText("Sweeping …" if running else "Sweep")
+        self.start_button.setText(tr("Sweeping …") if running else tr("Sweep"))
         self.cancel_button.setEnabled(running)
         self._show_rows()
 
@@ -199,8 +209,10 @@ class SweepDock(QFrame):
         failed = [row for row in rows if row.error]
         if failed:
             one = failed[0]
-            told = f"Grain {one.label}, n = {one.n}: {one.error}"
-            self._refuse(f"{len(failed)} of {len(rows)} fits failed. {told}")
+            told = tr("Grain {label}, n = {n}: {error}", label=one.label, n=one.n, error=one.error)
+            self._refuse(
+                tr("{failed} of {count} fits failed. {told}", failed=len(failed), count=len(rows), told=told)
+            )
         self._write_advice()
 
     def _fill_table(self) -> None:
@@ -210,7 +222,9 @@ class SweepDock(QFrame):
         smallest = smallest_numbers(rows, self.limit.value() / 100) if rows else {}
         with QSignalBlocker(self.table):
             self.table.setRowCount(len(names))
-            for head, text in enumerate(("Error of", f"at n = {last}" if rows else "", "Smallest n")):
+            for head, text in enumerate(
+                (tr("Error of"), tr("at n = {n}", n=last) if rows else "", tr("Smallest n"))
+            ):
                 item = QTableWidgetItem(text)
                 item.setTextAlignment(_side(head))
                 self.table.setHorizontalHeaderItem(head, item)
@@ -219,7 +233,7 @@ class SweepDock(QFrame):
                 median = quantiles_of([row for row in rows if row.n == last], _error(name), (0.5,))
                 shown = f"{100 * median[last][0]:.3g} %" if last in median else "–"
                 n = smallest[name]
-                for column, text in enumerate((title_of(name), shown, "none" if n is None else str(n))):
+                for column, text in enumerate((title_of(name), shown, tr("none") if n is None else str(n))):
                     item = QTableWidgetItem(text)
                     item.setTextAlignment(_side(column))
                     item.setData(_NAME, name)
@@ -258,19 +272,30 @@ class SweepDock(QFrame):
         if not rows:
             note = ""
         elif not self._chosen:
-            note = "Choose the errors that matter in the table."
+            note = tr("Choose the errors that matter in the table.")
         elif missed:
-            note = f"No n here meets {self.limit.value():g} % for {', '.join(missed)}."
+            note = tr(
+                "No n here meets {limit:g} % for {errors}.",
+                limit=self.limit.value(),
+                errors=", ".join(missed),
+            )
         else:
-            note = f"From n = {n} on, the median errors chosen are {self.limit.value():g} % or less."
+            note = tr(
+                "From n = {n} on, the median errors chosen are {limit:g} % or less.",
+                n=n,
+                limit=self.limit.value(),
+            )
         self._advice_note.setText(note)
         self._advice_note.setVisible(bool(note))
         self.use_button.setEnabled(n is not None)
-        self.use_button.setText("Use this n" if n is None else f"Use n = {n}")
+        self.use_button.setText(tr("Use this n") if n is None else tr("Use n = {n}", n=n))
         self.use_button.setToolTip(
-            "No n that was tried meets this error for all chosen rows: try greater ones, or choose fewer rows"
+            tr(
+                "No n that was tried meets this error for all chosen rows: try greater ones, or choose "
+                "fewer rows"
+            )
             if n is None and self._work.rows
-            else "Fit with the smallest n that meets the error for all chosen rows of the table"
+            else tr("Fit with the smallest n that meets the error for all chosen rows of the table")
         )
 
     def _use(self) -> None:
@@ -293,8 +318,8 @@ def _side(column: int) -> Qt.AlignmentFlag:
 
 def _table() -> QTableWidget:
     table = QTableWidget(0, 3)
-    table.setAccessibleName("Errors and the smallest n for each")
-    table.setToolTip("Choose the errors that matter: the button below takes the n that suits them all")
+    table.setAccessibleName(tr("Errors and the smallest n for each"))
+    table.setToolTip(tr("Choose the errors that matter: the button below takes the n that suits them all"))
     table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     table.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)

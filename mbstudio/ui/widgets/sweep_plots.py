@@ -11,17 +11,18 @@ from PySide6.QtGui import QColor
 
 from mbstudio.core.imaging.sweep import SweepRow, error_names, quantiles_of
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.plots import Plot
 
 LEAST_PERCENT = 1e-3  # below it the errors are those of the measuring
-_TITLES = {"overlap_error": "1 − IoU", "hausdorff": "Hausdorff / Dₙ", "rms": "RMS distance / Dₙ"}
+_TITLES = {"overlap_error": "1 − IoU", "hausdorff": "Hausdorff / Dₙ", "rms": mark("RMS distance / Dₙ")}
 
 
 def title_of(name: str) -> str:
     """Return what an error of a sweep is called."""
     if name in _TITLES:
-        return _TITLES[name]
+        return tr(_TITLES[name])
     known = FACTOR_NAMES[name]
     return f"{known.title} {known.symbol}".strip()
 
@@ -36,7 +37,7 @@ class SweepPlot(Plot):
     """Medians over the grains against n, both axes logarithmic, with the quartiles of what is brought out."""
 
     def __init__(self, theme: Theme, left: str, name: str, empty: str) -> None:
-        super().__init__(theme, "Control points n", left, name)
+        super().__init__(theme, tr("Control points n"), left, name)
         self.setLogMode(x=True, y=True)
         for side in ("bottom", "left"):
             self.getAxis(side).enableAutoSIPrefix(False)

@@ -11,33 +11,36 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, Q
 from mbstudio.core.dem.clump_files import CLUMP_TARGET
 from mbstudio.core.dem.clump_target import MOST_SPHERES
 from mbstudio.core.dem.target import Option, Target
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import empty, row
 
 # Measure, name, first value, greatest value, step, decimals; values of errors in percent.
 _AIMS = (
-    ("iou", "IoU at least", 0.95, 0.999, 0.01, 3),
-    ("hausdorff", "Hausdorff at most", 3.0, 50.0, 0.5, 2),
-    ("volume", "Volume error at most", 1.0, 50.0, 0.5, 2),
-    ("inertia", "Inertia error at most", 1.0, 50.0, 0.5, 2),
+    ("iou", mark("IoU at least"), 0.95, 0.999, 0.01, 3),
+    ("hausdorff", mark("Hausdorff at most"), 3.0, 50.0, 0.5, 2),
+    ("volume", mark("Volume error at most"), 1.0, 50.0, 0.5, 2),
+    ("inertia", mark("Inertia error at most"), 1.0, 50.0, 0.5, 2),
 )
 _TIPS = {
-    "": "Every grain gets this many spheres",
-    "iou": "Volume that clump and avatar share over the volume of both together; as few spheres as will do",
-    "hausdorff": "Largest distance of both surfaces over Dₙ; as few spheres as will do",
-    "volume": "Error of the clump's volume; as few spheres as will do",
-    "inertia": "Error of the clump's inertia tensor; as few spheres as will do",
+    "": mark("Every grain gets this many spheres"),
+    "iou": mark(
+        "Volume that clump and avatar share over the volume of both together; as few spheres as will do"
+    ),
+    "hausdorff": mark("Largest distance of both surfaces over Dₙ; as few spheres as will do"),
+    "volume": mark("Error of the clump's volume; as few spheres as will do"),
+    "inertia": mark("Error of the clump's inertia tensor; as few spheres as will do"),
 }
 _TITLES = {
-    "poured": "Grains in the example",
-    "classes": "Sizes in a specimen",
-    "ntry": "Monte Carlo points",
-    "cells": "Cells across",
-    "error": "Error at most",
-    "padding": "Cells around",
-    "shell": "Contact mesh, cells",
-    "nodes": "Surface nodes",
-    "binary": "Binary files",
-    "scaled": "Scaled to suit",
+    "poured": mark("Grains in the example"),
+    "classes": mark("Sizes in a specimen"),
+    "ntry": mark("Monte Carlo points"),
+    "cells": mark("Cells across"),
+    "error": mark("Error at most"),
+    "padding": mark("Cells around"),
+    "shell": mark("Contact mesh, cells"),
+    "nodes": mark("Surface nodes"),
+    "binary": mark("Binary files"),
+    "scaled": mark("Scaled to suit"),
 }
 
 
@@ -54,9 +57,9 @@ class ClumpChoice(QWidget):
     def __init__(self, spheres: Option) -> None:
         super().__init__()
         self.by = QComboBox()
-        self.by.addItem("A number", "")
+        self.by.addItem(tr("A number"), "")
         for measure, title, *_ in _AIMS:
-            self.by.addItem(title, measure)
+            self.by.addItem(tr(title), measure)
         self.number = QSpinBox()
         self.number.setRange(int(spheres.minimum or 2), int(spheres.maximum or 2000))
         self.number.setValue(int(spheres.default))
@@ -66,13 +69,17 @@ class ClumpChoice(QWidget):
         self.most.setValue(MOST_SPHERES)
         for field in (self.number, self.limit, self.most):
             field.setKeyboardTracking(False)
-        self._number_row = row("Spheres in each clump", self.number, _TIPS[""])
-        self._limit_row = row("Limit", self.limit, "")
-        self._most_row = row("Spheres at most", self.most, "Where these do not reach it, the best is taken")
+        self._number_row = row(tr("Spheres in each clump"), self.number, tr(_TIPS[""]))
+        self._limit_row = row(tr("Limit"), self.limit, "")
+        self._most_row = row(
+            tr("Spheres at most"), self.most, tr("Where these do not reach it, the best is taken")
+        )
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
-        by = row("Choose spheres by", self.by, "Their number, or what the clump of each grain is to reach")
+        by = row(
+            tr("Choose spheres by"), self.by, tr("Their number, or what the clump of each grain is to reach")
+        )
         for part in (
             by,
             self._number_row,
@@ -116,7 +123,7 @@ class ClumpChoice(QWidget):
                 self.limit.setSingleStep(step)
                 self.limit.setSuffix("" if name == "iou" else " %")
                 self.limit.setValue(first)
-                self.limit.setToolTip(_TIPS[name])
+                self.limit.setToolTip(tr(_TIPS[name]))
                 self.limit.blockSignals(False)
         self.changed.emit()
 
@@ -155,13 +162,14 @@ class TargetForm(QWidget):
                 field = _field(option)
                 _when_changed(field, self.changed)
                 self.fields[name] = field
-                self._layout.addWidget(row(_TITLES.get(name, name.capitalize()), field, option.meaning))
+                title = tr(_TITLES[name]) if name in _TITLES else name.capitalize()
+                self._layout.addWidget(row(title, field, option.meaning))
         cells, error = self.fields.get("cells"), self.fields.get("error")
         if isinstance(error, QDoubleSpinBox) and cells is not None:
             error.setDecimals(2)
             error.setSingleStep(0.1)
-            error.setSuffix(" % of Dₙ")
-            error.setSpecialValueText("any: by cells")
+            error.setSuffix(tr(" % of Dₙ"))
+            error.setSpecialValueText(tr("any: by cells"))
             error.valueChanged.connect(lambda value: cells.setEnabled(value == 0))
         self.setVisible(bool(target.options))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QProgressBar, QToolButton, QWidget
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.workers import Report, Task, TaskQueue
 
 
@@ -30,16 +31,16 @@ class TaskStrip(QWidget):
         self._left = QLabel()
         self._queued = QToolButton()
         self._queued.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        self._queued.setToolTip("Tasks that wait; choose one to take it out")
-        self._queued.setAccessibleName("Waiting tasks")
+        self._queued.setToolTip(tr("Tasks that wait; choose one to take it out"))
+        self._queued.setAccessibleName(tr("Waiting tasks"))
         self.waiting_menu = QMenu(self._queued)
         self.waiting_menu.aboutToShow.connect(self._list_waiting)
         self._queued.setMenu(self.waiting_menu)
         self._pause = QToolButton()
         self._cancel = QToolButton()
         icons.set(self._cancel, "ph.x")
-        self._cancel.setToolTip("Cancel")
-        self._cancel.setAccessibleName("Cancel the running task")
+        self._cancel.setToolTip(tr("Cancel"))
+        self._cancel.setAccessibleName(tr("Cancel the running task"))
         layout = QHBoxLayout(self)
         layout.setContentsMargins(6, 0, 6, 0)
         layout.setSpacing(6)
@@ -62,7 +63,11 @@ class TaskStrip(QWidget):
         if report.fraction >= 0:
             self._bar.setRange(0, 1000)
             self._bar.setValue(round(1000 * report.fraction))
-        left = f"{readable_time(report.seconds_left)} left" if report.seconds_left is not None else ""
+        left = (
+            tr("{time} left", time=readable_time(report.seconds_left))
+            if report.seconds_left is not None
+            else ""
+        )
         percent = f"{report.fraction:.0%}" if report.fraction >= 0 else ""
         self._left.setText(" · ".join(part for part in (percent, left) if part))
         if report.message:
@@ -74,14 +79,13 @@ class TaskStrip(QWidget):
         if task is None:
             return
         waiting = self._queue.waiting()
-        paused = " (paused)" if task.is_paused else ""
-        self._title.setText(f"{task.title}{paused}")
-        self._queued.setText(f"+ {waiting} waiting")
+        self._title.setText(tr("{title} (paused)", title=task.title) if task.is_paused else task.title)
+        self._queued.setText(tr("+ {count} waiting", count=waiting))
         self._queued.setVisible(waiting > 0)
         self._pause.setVisible(task.can_pause)
         self._icons.set(self._pause, "ph.play" if task.is_paused else "ph.pause")
-        self._pause.setToolTip("Resume" if task.is_paused else "Pause")
-        self._pause.setAccessibleName("Resume the task" if task.is_paused else "Pause the task")
+        self._pause.setToolTip(tr("Resume") if task.is_paused else tr("Pause"))
+        self._pause.setAccessibleName(tr("Resume the task") if task.is_paused else tr("Pause the task"))
 
     def _list_waiting(self) -> None:
         self.waiting_menu.clear()

@@ -9,6 +9,7 @@ from PySide6.QtCore import QPoint, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QVBoxLayout, QWidget
 
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
 
 WIDTH = 360
@@ -42,9 +43,9 @@ class TourCard(QFrame):
         self._title = label("", "title")
         self._text = label("", "subtitle", wrap=True)
         self._count = label("", "hint")
-        self.skip = quiet_button("Skip")
-        self.back = quiet_button("Back")
-        self.next = primary_button("Next")
+        self.skip = quiet_button(tr("Skip"))
+        self.back = quiet_button(tr("Back"))
+        self.next = primary_button(tr("Next"))
         self._lines = layout = QVBoxLayout(self)
         layout.setContentsMargins(20, 18, 16, 14)
         layout.setSpacing(8)
@@ -75,10 +76,10 @@ class TourCard(QFrame):
         step = self.steps[self.place]
         self._title.setText(step.title)
         self._text.setText(step.text)
-        self._count.setText(f"{self.place + 1} of {len(self.steps)}")
+        self._count.setText(tr("{place} of {count}", place=self.place + 1, count=len(self.steps)))
         self.back.setVisible(self.place > 0)
-        self.next.setText("Done" if self.place == len(self.steps) - 1 else "Next")
-        self.setAccessibleName(f"Tour: {step.title}")
+        self.next.setText(tr("Done") if self.place == len(self.steps) - 1 else tr("Next"))
+        self.setAccessibleName(tr("Tour: {title}", title=step.title))
         self._put_beside(step.target())
         self.raise_()
         self.next.setFocus()

@@ -11,14 +11,15 @@ from jaxtyping import Float64
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QHBoxLayout
 
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.plots import LogAxis, Plot
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.training_step import TrainingStep
 
-EMPTY = "Curves are drawn here\nwhile a style is learned"
-AT_ONCE = "Principal components are found\nat once: there is no training"
+EMPTY = mark("Curves are drawn here\nwhile a style is learned")
+AT_ONCE = mark("Principal components are found\nat once: there is no training")
 
 
 def signed_log(values: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
@@ -66,7 +67,7 @@ class TrainingCurve(Plot):
     def __init__(
         self, theme: Theme, left: str, name: str, titles: tuple[str, ...], *, log: bool, empty: str = ""
     ) -> None:
-        super().__init__(theme, "Step", left, name)
+        super().__init__(theme, tr("Step"), left, name)
         self._log, self._titles = log, titles
         self._signed = SignedLogAxis(orientation="left")
         if log:
@@ -158,28 +159,32 @@ class TrainingPlots(QFrame):
 
     def __init__(self, theme: Theme) -> None:
         super().__init__()
-        self.setAccessibleName("Curves of the training")
+        self.setAccessibleName(tr("Curves of the training"))
         self._records: list[TrainingStep] = []
         self.items = TrainingCurve(
-            theme, "", "Items of the loss", ("Reconstruction", "Distribution"), log=True
+            theme, "", tr("Items of the loss"), (tr("Reconstruction"), tr("Distribution")), log=True
         )
         self.error = TrainingCurve(
-            theme, "% of Dₙ", "Error of the parents held out", ("Held-out error",), log=True,
-            empty=EMPTY,
+            theme, tr("% of Dₙ"), tr("Error of the parents held out"), (tr("Held-out error"),), log=True,
+            empty=tr(EMPTY),
         )  # fmt: skip
         self.weight = TrainingCurve(
-            theme, "", "Weight of the distribution item", ("Annealer weight",), log=False
+            theme, "", tr("Weight of the distribution item"), (tr("Annealer weight"),), log=False
         )
         self.items.setToolTip(
-            "What is minimised, mean over the steps of a record: how well parents are reproduced (in preset "
-            "aligned a negative log likelihood, which may fall below zero), and how far the latents are from "
-            "a normal distribution"
+            tr(
+                "What is minimised, mean over the steps of a record: how well parents are reproduced (in "
+                "preset aligned a negative log likelihood, which may fall below zero), and how far the "
+                "latents are from a normal distribution"
+            )
         )
         self.error.setToolTip(
-            "Root mean square surface distance of parents that were held out and what the model makes of "
-            "them; the dot is the best state, which is kept"
+            tr(
+                "Root mean square surface distance of parents that were held out and what the model makes of "
+                "them; the dot is the best state, which is kept"
+            )
         )
-        self.weight.setToolTip("The annealer raises the weight of the distribution item from 0 to 1")
+        self.weight.setToolTip(tr("The annealer raises the weight of the distribution item from 0 to 1"))
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
@@ -206,7 +211,7 @@ class TrainingPlots(QFrame):
         # What is found at once has one record and no curve; its errors stand on the card.
         at_once = len(self._records) == 1 and not self._records[0].steps
         records = [] if at_once else self._records
-        self.error.empty = AT_ONCE if at_once else EMPTY
+        self.error.empty = tr(AT_ONCE if at_once else EMPTY)
         steps = np.array([record.step for record in records], dtype=float)
         table = np.array(
             [(r.reconstruction, r.distribution, 100 * r.held_out, r.weight) for r in records], dtype=float

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import label
 
 STEPS = 1000
@@ -126,15 +127,15 @@ class ValueSlider(QWidget):
         self._write: Callable[[float], float] = float
         self.slider, self.box, self.lock = DragSlider(), QDoubleSpinBox(), QToolButton()
         self.slider.setAccessibleName(title)
-        self.box.setAccessibleName(f"{title}, value")
+        self.box.setAccessibleName(tr("{title}, value", title=title))
         self.box.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
         self.box.setAlignment(Qt.AlignmentFlag.AlignRight)
         self.box.setKeyboardTracking(False)
         self.box.setFixedWidth(92)
         self.box.setSuffix(f" {unit}" if unit else "")
         self.lock.setCheckable(True)
-        self.lock.setToolTip(f"Lock: noise and chance leave “{title}” as it is")
-        self.lock.setAccessibleName(f"Lock {title}")
+        self.lock.setToolTip(tr("Lock: noise and chance leave “{title}” as it is", title=title))
+        self.lock.setAccessibleName(tr("Lock {title}", title=title))
         self.lock.setVisible(lock)
         icons.set(self.lock, "ph.lock-simple-open")
         self.lock.toggled.connect(
@@ -154,8 +155,9 @@ class ValueSlider(QWidget):
         layout.addWidget(self.box, 1, 2)
         layout.addWidget(self.lock, 1, 3)
         layout.setColumnStretch(1, 1)
+        middle = tr("A double click leads back to the middle.")
         for widget in (self._name, self.slider):
-            widget.setToolTip(f"{tip}\nA double click leads back to the middle.".strip())
+            widget.setToolTip(f"{tip}\n{middle}".strip())
         self.slider.valueChanged.connect(self._slid)
         self.slider.sliderReleased.connect(self._released)
         self.slider.zero_asked.connect(lambda: self._settle(self._zero))

@@ -9,6 +9,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import application_icon
+from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import empty, label, primary_button, quiet_button
 
 
@@ -22,20 +23,23 @@ class Welcome(QFrame):
         self.setObjectName("welcomePage")
         picture = QLabel()
         picture.setPixmap(application_icon().pixmap(88, 88))
-        self.open_button = primary_button("Open a scan…")
-        self.sample_button = QPushButton("Try the sample")
-        self.project_button = QPushButton("Open a project…")
+        self.open_button = primary_button(tr("Open a scan…"))
+        self.sample_button = QPushButton(tr("Try the sample"))
+        self.project_button = QPushButton(tr("Open a project…"))
         content = QWidget()
         content.setMaximumWidth(600)
         layout = QVBoxLayout(content)
         layout.setSpacing(12)
         layout.addWidget(picture)
         layout.addSpacing(4)
-        layout.addWidget(label("From a CT scan to particles for DEM", "welcome", wrap=True))
+        layout.addWidget(label(tr("From a CT scan to particles for DEM"), "welcome", wrap=True))
         layout.addWidget(
             label(
-                "Open a stack of X-ray CT slices, find its grains, fit a metaball avatar to each, and hand "
-                "them to your DEM engine. You can also drop a file or a folder of slices onto this window.",
+                tr(
+                    "Open a stack of X-ray CT slices, find its grains, fit a metaball avatar to each, and "
+                    "hand them to your DEM engine. You can also drop a file or a folder of slices onto "
+                    "this window."
+                ),
                 "subtitle",
                 wrap=True,
             )
@@ -51,7 +55,7 @@ class Welcome(QFrame):
         self._recovered.setSpacing(8)
         layout.addLayout(self._recovered)
         layout.addSpacing(14)
-        self._recent_heading = label("Recent", "heading")
+        self._recent_heading = label(tr("Recent"), "heading")
         layout.addWidget(self._recent_heading)
         self._recent = QVBoxLayout()
         self._recent.setSpacing(0)
