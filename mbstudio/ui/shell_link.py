@@ -41,7 +41,9 @@ class ShellLink(QObject):
     def __init__(self, window: MainWindow) -> None:
         super().__init__(window)
         self._window = window
-        self.autosaves = AutosaveWork(window.workspace, window.queue, window.fits, window.settings, self)
+        self.autosaves = AutosaveWork(
+            window.workspace, window.queue, window.fits, window.styles, window.settings, self
+        )
         self.memory = LayoutMemory(window)
         self.history, self.log = HistoryList(window.theme, window.icons), LogPanel(window.icons)
         areas = Qt.DockWidgetArea

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import gc
+import json
 import weakref
 
 import numpy as np
 import pytest
 
+from mbstudio.ui.work import fit_work
+from mbstudio.ui.work.autosave_work import autosave_folder
 from tests.ui.conftest import PATIENCE
 
 
@@ -61,7 +64,7 @@ def test_a_cancelled_fit_is_let_go(fitting, idle):
     window = fitting
     run = weakref.ref(window.fits._fitting.run)
     assert run() is not None
-    window.fits._task.cancel()
+    window.queue.running().cancel()
     idle()
     gc.collect()
     assert run() is None
@@ -69,3 +72,34 @@ def test_a_cancelled_fit_is_let_go(fitting, idle):
     assert not window.fits.can_go_on(window.workspace.selected)
     assert window.commands.run("fit.grain")  # and anew
     assert stopped(window, idle).avatar.n == 10
+
+
+def test_what_a_long_search_has_found_outlives_a_crash(fitting, idle, qtbot, monkeypatch):
+    window = fitting
+    label, keep = window.workspace.selected, window.shell.autosaves.state_to_keep
+    assert label not in keep().fits
+    monkeypatch.setattr(fit_work, "KEPT_EVERY", 0.5)
+    qtbot.waitUntil(lambda: label in keep().fits, timeout=PATIENCE)
+
+    def is_written() -> bool:
+        window.shell.autosaves.write_now()
+        notes = [json.loads(note.read_text()) for note in autosave_folder().glob("*/note.json")]
+        return [note["fits"] for note in notes] == [1]
+
+    qtbot.waitUntil(is_written, timeout=PATIENCE)
+    window.queue.running().cancel()
+    idle()
+    assert label not in keep().fits, "given up is given up"
+
+
+def test_an_avatar_that_is_there_is_not_lost_for_one_that_is_searched(fitting, idle, qtbot, monkeypatch):
+    window = fitting
+    label, keep = window.workspace.selected, window.shell.autosaves.state_to_keep
+    fit = stopped(window, idle)
+    monkeypatch.setattr(fit_work, "KEPT_EVERY", 0.1)
+    window.commands.run("fit.grain")
+    qtbot.waitUntil(lambda: window.fits._fitting.standing is not None, timeout=PATIENCE)
+    wait_for_more(window, qtbot)
+    assert keep().fits[label] is fit
+    window.queue.running().cancel()
+    idle()

@@ -9,6 +9,7 @@ import trimesh
 from mbstudio.core.vae import generator
 from mbstudio.core.vae.training import learn
 from mbstudio.scene import generation_report
+from mbstudio.ui.work import style_work
 from mbstudio.ui.work.style_work import _Serialized
 from tests.core.vae.boxes import boxes
 from tests.ui.conftest import PATIENCE
@@ -262,3 +263,19 @@ def _write_and_read(window, idle, tmp_path):
     np.testing.assert_array_equal(window.workspace.clones.clones.centers, centers)
     assert window.workspace.style.card.count == 12
     assert window.style_page.clones.rowCount() == 12
+
+
+def test_what_a_long_training_has_learned_outlives_a_crash(
+    window, training, idle, qtbot, monkeypatch, learner
+):
+    keep = window.shell.autosaves.state_to_keep
+    monkeypatch.setattr(style_work, "KEPT_EVERY", 0.1)
+    qtbot.waitUntil(lambda: (state := keep()) is not None and state.style is not None, timeout=PATIENCE)
+    card = keep().style.card
+    assert card.count == 30
+    assert any("Stopped after" in note for note in card.notes)
+    assert window.workspace.style is None, "the project gets it at the end"
+    window.workspace.use_style(learner)
+    assert keep().style is learner, "what is there is not lost for what is being learned"
+    window.styles.cancel()
+    idle()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from platformdirs import user_state_path
@@ -13,6 +14,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave, Project, ProjectState
 from mbstudio.ui.language import tr
 from mbstudio.ui.work.fit_work import FitWork
+from mbstudio.ui.work.style_work import StyleWork
 from mbstudio.ui.work.work import Work
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -45,10 +47,16 @@ class AutosaveWork(Work):
     restored = Signal(object)
 
     def __init__(
-        self, workspace: Workspace, queue: TaskQueue, fits: FitWork, settings: QSettings, parent: QObject
+        self,
+        workspace: Workspace,
+        queue: TaskQueue,
+        fits: FitWork,
+        styles: StyleWork,
+        settings: QSettings,
+        parent: QObject,
     ) -> None:
         super().__init__(workspace, queue, parent)
-        self._settings, self._fits = settings, fits
+        self._settings, self._fits, self._styles = settings, fits, styles
         self._own: Autosave | None = None
         self._task: Task | None = None
         self._kept: ProjectState | None = None  # what was written last
@@ -62,6 +70,7 @@ class AutosaveWork(Work):
         self._timer.timeout.connect(self.write_now)
         workspace.state_changed.connect(self._changed)
         fits.arrived.connect(self._changed)
+        styles.arrived.connect(self._changed)
 
     @property
     def seconds(self) -> int:
@@ -79,10 +88,11 @@ class AutosaveWork(Work):
     # ---- writing -------------------------------------------------------------------------------
 
     def state_to_keep(self) -> ProjectState | None:
-        """Return the project with the avatars that have arrived; None where the file holds all."""
-        state, arrived = self.workspace.state, self._fits.arrived_fits
-        if arrived:
-            return state.with_fits(arrived)
+        """Return the project with what is half done; None where the file holds all."""
+        state, arrived, style = self.workspace.state, self._fits.arrived_fits, self._styles.arrived_style
+        if arrived or style is not None:
+            state = state if style is None else replace(state, style=style)
+            return state.with_fits(arrived) if arrived else state
         worth_it = state.scan is not None or state.grains is not None or state.style is not None
         return state if self.workspace.is_modified and worth_it else None
 

@@ -23,6 +23,7 @@ from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 LIVE_CELLS = 36  # of the avatar's surface while the search runs
+KEPT_EVERY = 10.0  # seconds; what a search has found until then outlives a crash
 SPHERE, SPHERES = 0.05, 1.0  # seconds that each sphere of the clustering is shown, and all at most
 
 
@@ -45,6 +46,8 @@ class _Fitting:
     run: FitRun | None = None
     stop: bool = False
     refusal: str = ""  # why the last change of n was not made; told from the main thread
+    standing: FitResult | None = None  # what a crash would leave of it
+    announced: FitResult | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ class FitWork(Work):
     changed : signal
         Something runs, pauses or has ended.
     arrived : signal
-        One of many grains was fitted; the project gets them all at the end.
+        One of many grains was fitted, or a long search has come further; the project gets them at the end.
     shows_spheres : bool
         Whether the clustering, which is done in a blink, waits for the eye.
     """
@@ -192,6 +195,7 @@ class FitWork(Work):
         task.reported.connect(lambda report: self._report(fitting, report))
         task.succeeded.connect(lambda last: self._take(fitting, last))
         task.ended.connect(self.changed)
+        task.ended.connect(self.arrived)
         task.started.connect(self.changed)
         self._task = task
         self.queue.submit(task)
@@ -205,6 +209,9 @@ class FitWork(Work):
 
     def _report(self, fitting: _Fitting, report: Report) -> None:
         label = fitting.label
+        if fitting.standing is not fitting.announced:
+            fitting.announced = fitting.standing
+            self.arrived.emit()
         if fitting.refusal:
             self.said.emit("warning", fitting.refusal)
             fitting.refusal = ""
@@ -236,11 +243,17 @@ class FitWork(Work):
 
     @property
     def arrived_fits(self) -> dict[int, FitResult]:
-        """Fits of the run over many grains that are done but not yet in the project, by label."""
+        """Fits that are not yet in the project, by label: done in a run over many, or far in a long search.
+
+        A search that is not over counts only for a grain that has no avatar.
+        """
+        state, fits, fitting = self.workspace.state, {}, self._fitting
+        if self.is_running and fitting is not None and fitting.label not in state.fits:
+            fits = {fitting.label: fitting.announced}
         grains, items = self._arrived
-        if grains is not self.workspace.state.grains:
-            return {}
-        return {item.label: item.result for item in items if item.result is not None}
+        if grains is state.grains:
+            fits |= {item.label: item.result for item in items}
+        return {label: fit for label, fit in fits.items() if fit is not None}
 
     def unfitted(self) -> list[int]:
         """Labels of the grains inside the scan that have no avatar yet."""
@@ -304,10 +317,13 @@ def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Fin
     """Yield the steps, each sphere of the clustering no sooner than `sphere` seconds after the one before."""
     assert fitting.run is not None
     begun, last = False, time.monotonic()
+    kept = last
     for step in fitting.run:
         if step.phase == "clustering":
             time.sleep(max(0.0, last + sphere - time.monotonic()))
             last = time.monotonic()
+        elif time.monotonic() - kept > KEPT_EVERY:
+            fitting.standing, kept = fitting.run.result(), time.monotonic()
         yield step
         begun = begun or step.phase == "search"
         if fitting.stop and begun:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 Source = Literal["inside", "chosen", "avatars", "folder"]
 FEW_FOR_NETWORKS = 50
+KEPT_EVERY = 10.0  # seconds; what a training has learned until then outlives a crash
 _MANY = 16  # bodies for which starting processes pays
 _SAME_SIZE = 0.05  # voxels and the smoothed surface differ by less in D_n
 
@@ -71,6 +73,8 @@ class _Learning:
     training: StyleTraining
     title: str
     stop: bool = False
+    standing: StyleLearner | None = None  # what a crash would leave of it
+    announced: StyleLearner | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +107,15 @@ class StyleWork(Work):
         A training begins: its curves are empty.
     recorded : signal (list of TrainingStep)
         The newest records.
+    arrived : signal
+        A long training has come further.
     changed : signal
         Something runs, pauses or has ended.
     """
 
     began = Signal()
     recorded = Signal(object)
+    arrived = Signal()
     changed = Signal()
 
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
@@ -131,6 +138,14 @@ class StyleWork(Work):
     def is_training(self) -> bool:
         """Whether a training runs, of which the best state can be kept."""
         return self.is_running and self._learning is not None
+
+    @property
+    def arrived_style(self) -> StyleLearner | None:
+        """The best state so far of a long training, for a project that has no style-learner yet."""
+        learning = self._learning
+        if not self.is_running or learning is None or self.workspace.style is not None:
+            return None
+        return learning.announced
 
     @property
     def is_paused(self) -> bool:
@@ -263,6 +278,10 @@ class StyleWork(Work):
 
     def _report(self, report: Report) -> None:
         self.progress = report
+        learning = self._learning
+        if learning is not None and learning.standing is not learning.announced:
+            learning.announced = learning.standing
+            self.arrived.emit()
         records = [step for step in report.steps if not isinstance(step, _Learned)]
         if records:
             self.records += records
@@ -355,7 +374,10 @@ def _serialized(
 
 
 def _drive(learning: _Learning) -> Iterator[TrainingStep | _Learned]:
+    kept = time.monotonic()
     for record in learning.training:
+        if time.monotonic() - kept > KEPT_EVERY:
+            learning.standing, kept = learning.training.result(), time.monotonic()
         yield record
         if learning.stop:
             break
