@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import QSettings, QSize, Qt
-from PySide6.QtGui import QDragEnterEvent, QDropEvent, QResizeEvent
+from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QDockWidget,
     QFrame,
@@ -68,6 +68,18 @@ class ViewBar(QToolBar):
     def __init__(self) -> None:
         super().__init__(tr("View"))
         self.worded: list[QToolButton] = []
+        self._groups: list[tuple[tuple[QAction, ...], QAction]] = []
+
+    def add_group(self, actions: tuple[QAction, ...]) -> None:
+        """Add buttons and a line after them, which is there as long as one of them is."""
+        self.addActions(actions)
+        self._groups.append((actions, self.addSeparator()))
+        for action in actions:
+            action.changed.connect(self._show_lines)
+
+    def _show_lines(self) -> None:
+        for actions, line in self._groups:
+            line.setVisible(any(action.isVisible() for action in actions))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         styles = Qt.ToolButtonStyle
@@ -215,13 +227,12 @@ class WindowLayout(QMainWindow):
             tuple(f"layer.{layer}" for layer in LAYERS),
             ("view.fit", "view.screenshot"),
         ):
+            self.view_bar.add_group(tuple(self.commands.action(name) for name in names))
             for name in names:
-                self.view_bar.addAction(self.commands.action(name))
                 if name.startswith("layer."):
                     button = self.view_bar.widgetForAction(self.commands.action(name))
                     assert isinstance(button, QToolButton)
                     self.view_bar.worded.append(button)
-            self.view_bar.addSeparator()
         views = QToolButton()
         self.icons.set(views, "ph.video-camera")
         views.setToolTip(tr("Look from …"))

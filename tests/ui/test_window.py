@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -274,3 +275,13 @@ def test_both_themes_paint_window_and_view(scanned, idle):
         )
     assert min(brightness["light"]) > 180
     assert max(brightness["dark"]) < 80
+
+
+def test_no_two_lines_of_the_bar_above_the_view_stand_side_by_side(with_grains, idle):
+    window = with_grains
+    for station in ("scan", "grains", "fit", "style", "latent", "export"):
+        window.enter(station)
+        idle()
+        shown = [action for action in window.view_bar.actions() if action.isVisible()]
+        lines = [action.isSeparator() for action in shown]
+        assert not any(a and b for a, b in pairwise(lines)), station

@@ -43,7 +43,9 @@ class FitPanel(Panel):
     step_asked = Signal(int)
 
     def __init__(self, workspace: Workspace, work: FitWork, icons: Icons) -> None:
-        super().__init__(tr("Fit"), tr("A grain becomes an avatar: the surface f = 1 of n control points."))
+        super().__init__(
+            tr("Fit"), tr("A grain becomes an avatar: the surface f\u00a0=\u00a01 of n control points.")
+        )
         self._workspace, self._work, self._icons = workspace, work, icons
         self._name = label(tr("No grain chosen"), "figure")
         self._facts = label("", "hint", wrap=True)
