@@ -77,14 +77,15 @@ _MOST_FOR_HANDLES = 1.5
 # Share of the control points that the body needs, below which neither holes nor tears are mended.
 _FEWEST_OF_NEEDED = 0.5
 _MOST_MATCHED_OF_THIN = 0.08
-# Share of the control points relocated at a time; steps between, until and after relocations.
-_RELOCATED = 0.1
-_RELOCATE_EVERY = 8
+# How often control points are relocated, the steps between, and the share of them each time; the second where
+# there are many: a relocation costs less then than it gains.
+_RELOCATIONS_OF_FEW, _RELOCATIONS_OF_MANY, _MANY = (5, 8, 0.1), (7, 6, 0.07), 80
+# Steps after the last.
 _STEPS_AFTER = 10
-_MOST_RELOCATIONS = 5
 _FEWEST_TO_RELOCATE = 10
 _NOISE_TO_RELOCATE = 0.6
 _STEPS_FOR_AREA = 12
+_STEPS_AT_END = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +155,8 @@ class FastFit(StepRun):
         yield from self._descend(max(1, generations - 1 - for_area), last)
         if for_area and self._refinement is not None and self._refinement.strive_for_area():
             yield from self._descend(min(for_area, last - self.generation - 1), last, relocates=False)
+        elif for_area and self._refinement is not None and self._refinement.take_more_points():
+            yield from self._descend(min(_STEPS_AT_END, last - self.generation - 1), last, relocates=False)
         if generations > 1:
             if self._match_volume():
                 yield self._step(last, _MATCHED)
@@ -175,11 +178,12 @@ class FastFit(StepRun):
         checked, idle, stuck = self._rms[-1], 0, 0
         # On few or long voxels relocated points would only follow the steps.
         worth = relocates and self.n >= _FEWEST_TO_RELOCATE and np.isfinite(self.prepared.area)
-        relocations = _MOST_RELOCATIONS if worth else 0
+        most, every, share = _RELOCATIONS_OF_MANY if self.n >= _MANY else _RELOCATIONS_OF_FEW
+        relocations = most if worth else 0
         rng, before = np.random.default_rng([self.seed, 2]), (self._rms[-1], search.control)
         for done in range(1, count + 1):
             note = ""
-            if relocations and done % _RELOCATE_EVERY == 0 and count - done >= _STEPS_AFTER:
+            if relocations and done % every == 0 and count - done >= _STEPS_AFTER:
                 if self._rms[-1] > 1.02 * before[0]:
                     search.set_control(before[1])
                     relocations = 0
@@ -187,7 +191,7 @@ class FastFit(StepRun):
                     relocations = 0
                 else:
                     before = (self._rms[-1], search.control)
-                    moved = max(1, round(_RELOCATED * search.control.shape[1]))
+                    moved = max(1, round(share * search.control.shape[1]))
                     relocate(search, moved, rng)
                     relocations -= 1
                     note = f"{moved} control points moved to where the surface was farthest off"

@@ -48,28 +48,24 @@ class RefineSettings:
         The area row strives for the hull's area less this share (steps of the voxels leave so
         much on smooth surfaces), but for no more than this share beyond what the avatar has.
     area_noise : float
-        Below an RMS of so many voxels of the scan the area row is left out: on such smooth grains
-        the voxels' steps add more to the hull's area than the avatar lacks.
+        Below an RMS of so many voxels the area row is left out: their steps add more to the hull's area.
     curvature_roof : float
         Bound of twice the mean curvature in the area row.
     points_per_control, fewest_points : int
         Surface points in use at a time: max(fewest_points, points_per_control * n).
-    denser : float
-        Times as many surface points at the end, while the area row is at work.
-    renew_every : int
-        Steps after which the next subset of points is taken and the volume measured anew.
-    check_every : int
-        Steps after which progress over all hull points decides whether to stop.
+    denser, points_at_end : float, int
+        Times as many in the last steps, while the area row is at work; so many where it is left out.
+    renew_every, check_every : int
+        Steps after which the next subset of points is taken and the volume measured anew, and after
+        which progress over all hull points decides whether to stop.
     least_gain : float
-        Relative gain of the RMS between checks that counts as progress; two checks without end
-        the search.
+        Relative gain of the RMS between checks that counts as progress; two without end the search.
     noise, least_gain_in_noise : float
-        Below an RMS of `noise` times the grain's fineness the voxels themselves are no truer: one
-        check with less gain than this ends the search.
+        Below an RMS of `noise` times the grain's fineness one check with less gain than this ends the search.
     """
 
     steepness_floor: float = 0.7
-    steepness_roof: float = 6.0
+    steepness_roof: float = 10.0
     start_damping: float = 0.1
     interior_weight: float = 0.5
     depth_weight: float = 0.5
@@ -81,7 +77,8 @@ class RefineSettings:
     curvature_roof: float = 30.0
     points_per_control: int = 25
     fewest_points: int = 1500
-    denser: float = 1.5
+    denser: float = 2.0
+    points_at_end: int = 8000
     renew_every: int = 5
     check_every: int = 10
     least_gain: float = 0.01
@@ -137,6 +134,7 @@ class Refinement:
         self._volume_weight = self.settings.volume_weight * prepared.slenderness**2
         self._offset = 0
         self._wanted_area: float | None = None
+        self._least_points = 0
         self.set_control(control)
 
     def set_control(self, control: Float64[np.ndarray, "4 n"]) -> None:
@@ -188,6 +186,7 @@ class Refinement:
         wanted = max(self.settings.fewest_points, self.settings.points_per_control * n)
         if self._wanted_area is not None:
             wanted = round(self.settings.denser * wanted)
+        wanted = max(wanted, self._least_points)
         stride = max(1, self.hull.shape[1] // wanted)
         self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
         self._surface = np.ascontiguousarray(self.hull[:, self._offset :: stride])
@@ -216,6 +215,14 @@ class Refinement:
             np.clip(self._bend, -roof, roof, out=self._bend)
             expected = float(np.mean(self._bend * residual, dtype=np.float64))
             self._area_offset = area / self._wanted_area - 1.0 - expected
+
+    def take_more_points(self) -> bool:
+        """From now on ask at so many surface points that their choice no longer counts, if there are."""
+        if self.hull.shape[1] < 3 * self._surface.shape[1]:
+            return False
+        self._least_points = self.settings.points_at_end
+        self._renew()
+        return True
 
     def strive_for_area(self) -> bool:
         """From now on also push edges out until the area is right; return whether it is too small."""

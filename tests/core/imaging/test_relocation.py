@@ -13,7 +13,7 @@ from mbstudio.core.imaging.refine import Refinement, RefineSettings, least_depth
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.metaball.surface import mesh_area
 from mbstudio.core.units import VoxelSize
-from tests.core.imaging.imaging_shapes import ellipsoid, grain_where
+from tests.core.imaging.imaging_shapes import CENTER, ellipsoid, grain_where
 
 HALF = 32.4
 
@@ -89,3 +89,28 @@ def test_the_area_of_the_hull_is_known_where_voxels_are_many_and_even(cube: Grai
     long = prepare(grain_where(ellipsoid(22, 22, 22), 24, VoxelSize(1, 1, 2, "um")))
     assert np.isnan(few.area)
     assert np.isnan(long.area)
+
+
+def test_a_smooth_grain_is_truer_where_the_last_steps_ask_at_more_points() -> None:
+    axes = np.array([54.0, 41.0, 33.0])
+    grain = grain_where(ellipsoid(*axes), 56, VoxelSize(1, 1, 1, "um"))
+
+    def error(points_at_end: int) -> float:
+        result = fit(grain, 40, refine=RefineSettings(points_at_end=points_at_end))
+        surface = np.asarray(result.avatar.mesh(64).vertices) - CENTER
+        # Distance along the ray from the middle, which for these axes is close to that to the surface.
+        away = np.linalg.norm(surface, axis=1)
+        return float(np.mean(np.abs(away - away / np.linalg.norm(surface / axes, axis=1))))
+
+    assert error(8000) < 0.9 * error(0)
+
+
+def test_a_grain_of_few_voxels_has_no_more_points_to_ask_at() -> None:
+    few = prepare(grain_where(ellipsoid(9, 9, 9), 12, VoxelSize(1, 1, 1, "um")))
+    control = np.array([[0.0], [0.0], [0.0], [1.0]])
+    assert not Refinement(few, control).take_more_points()
+    many = prepare(grain_where(ellipsoid(50, 50, 50), 52, VoxelSize(1, 1, 1, "um")))
+    search = Refinement(many, control)
+    before = search._surface.shape[1]
+    assert search.take_more_points()
+    assert search._surface.shape[1] >= 3 * before
