@@ -25,6 +25,7 @@ from mbstudio.core.imaging.refine import Refinement
 _PLACES = 100  # surface points below which a new control point may come
 _DEPTHS = (1.0, 2.0, 4.0)  # of the new control points, times the least depth
 _SMALLEST, _LARGEST = 0.05, 0.5  # sqrt(k) of a new control point, times its depth
+_STEEPEST = 1e6  # change of a distance with k, in working lengths, of a place too near to a surface point
 _MOST_OFFSET = 0.05  # that a control point moves to make up for those taken away
 
 
@@ -121,6 +122,8 @@ def _most_useful(
     unit = np.vstack([places, np.full(tried, 1.0)]).astype(np.float32)
     by_weight = np.empty((4 * tried, m), dtype=np.float32)
     jacobian_of_rows(points, unit, slope * root, by_weight)
+    # In a groove the place below one wall may lie on the other: nothing is to be gained there.
+    by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < _STEEPEST)] = 0.0
     rows[4 * n : 4 * n + tried] = by_weight[:tried]
     matrix, gradient = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
     add_normal_matrix(rows, residual * root, matrix, gradient)

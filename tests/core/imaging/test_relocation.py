@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging import fit
+from mbstudio.core.imaging import fit, relocation
 from mbstudio.core.imaging.levenberg_marquardt import curvature_of_rows
 from mbstudio.core.imaging.preprocess import prepare
 from mbstudio.core.imaging.refine import Refinement, RefineSettings, least_depths
@@ -72,6 +72,23 @@ def test_useless_control_points_move_to_the_corners(cube: Grain) -> None:
     for _ in range(5):
         search.advance()
     assert search.rms() < before
+
+
+def test_a_place_on_the_surface_is_never_taken(cube: Grain, monkeypatch) -> None:
+    prepared = prepare(cube)
+    control = np.vstack([np.random.default_rng(0).normal(size=(3, 12)) * 0.03, np.full(12, 0.6 / 12)])
+    search = Refinement(prepared, control, RefineSettings())
+    given = relocation._candidates
+
+    def with_some_on_the_surface(search, points, residual, rng):
+        return np.hstack([points[:, :40].astype(float), given(search, points, residual, rng)])
+
+    monkeypatch.setattr(relocation, "_candidates", with_some_on_the_surface)
+    points = search.surface_rows_at(control)[0]
+    relocate(search, 4, np.random.default_rng(1))
+    assert np.isfinite(search.control).all()
+    new = search.control[:3, -4:]
+    assert np.linalg.norm(new[:, :, None] - points[:, None, :], axis=0).min() > 1e-3
 
 
 def test_a_cube_keeps_its_area(cube: Grain) -> None:
