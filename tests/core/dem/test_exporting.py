@@ -137,8 +137,8 @@ def test_an_avatar_with_an_impossible_k_cannot_even_be_made(weights, tmp_path):
 
 
 def test_options_may_come_as_text_from_a_command_line(avatar, tmp_path):
-    report = export(avatar, "stl", tmp_path / "out", cells="12", binary="no")
-    assert report.manifest["options"] == {"cells": 12, "binary": False}
+    report = export(avatar, "stl", tmp_path / "out", cells="12", error="0", binary="no")
+    assert report.manifest["options"] == {"cells": 12, "error": 0.0, "binary": False}
     assert (tmp_path / "out" / "grain_1.stl").read_text().startswith("solid")
 
 
