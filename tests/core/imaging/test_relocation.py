@@ -126,6 +126,9 @@ def test_a_grain_of_few_voxels_has_no_more_points_to_ask_at() -> None:
     few = prepare(grain_where(ellipsoid(9, 9, 9), 12, VoxelSize(1, 1, 1, "um")))
     control = np.array([[0.0], [0.0], [0.0], [1.0]])
     assert not Refinement(few, control).take_more_points()
+    long = prepare(grain_where(ellipsoid(50, 50, 50), 52, VoxelSize(1, 1, 2, "um")))
+    assert long.hull.shape[0] > 10_000
+    assert not Refinement(long, control).take_more_points()
     many = prepare(grain_where(ellipsoid(50, 50, 50), 52, VoxelSize(1, 1, 1, "um")))
     search = Refinement(many, control)
     before = search._surface.shape[1]
