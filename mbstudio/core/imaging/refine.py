@@ -217,7 +217,7 @@ class Refinement:
             self._area_offset = area / self._wanted_area - 1.0 - expected
 
     def take_more_points(self) -> bool:
-        """From now on ask at more surface points, so that their choice no longer counts, if that is worth it."""
+        """From now on ask at more surface points, so that their choice no longer counts, where that pays."""
         # On few or long voxels, of which no area is known, the avatar would only follow the steps.
         if not np.isfinite(self.prepared.area) or self.hull.shape[1] < 3 * self._surface.shape[1]:
             return False
