@@ -87,6 +87,11 @@ def test_what_a_long_search_has_found_outlives_a_crash(fitting, idle, qtbot, mon
         return [note["fits"] for note in notes] == [1]
 
     qtbot.waitUntil(is_written, timeout=PATIENCE)
+    window.fits.pause()
+    qtbot.wait(300)  # the step that was under way may still arrive
+    window.shell.autosaves.write_now()
+    qtbot.waitUntil(lambda: window.shell.autosaves._task.is_over, timeout=PATIENCE)
+    assert window.shell.autosaves.write_now() is None, "a paused search has nothing new to write"
     window.queue.running().cancel()
     idle()
     assert label not in keep().fits, "given up is given up"

@@ -275,7 +275,19 @@ def test_what_a_long_training_has_learned_outlives_a_crash(
     assert card.count == 30
     assert any("Stopped after" in note for note in card.notes)
     assert window.workspace.style is None, "the project gets it at the end"
+    told = []
+    window.styles.arrived.connect(lambda: told.append(keep()))
+    window.styles.cancel()
+    idle()
+    assert told[-1] is None or told[-1].style is None, "given up is given up"
+
+
+def test_a_style_that_is_there_is_not_lost_for_one_that_is_learned(
+    window, training, idle, qtbot, monkeypatch, learner
+):
+    monkeypatch.setattr(style_work, "KEPT_EVERY", 0.1)
+    qtbot.waitUntil(lambda: window.styles.arrived_style is not None, timeout=PATIENCE)
     window.workspace.use_style(learner)
-    assert keep().style is learner, "what is there is not lost for what is being learned"
+    assert window.shell.autosaves.state_to_keep().style is learner
     window.styles.cancel()
     idle()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -75,7 +76,9 @@ class MeshErrors:
         return max(outwards, farthest_distance(self._points, surface)) / self._diameter
 
 
-def mesh_of(body: DemBody, cells: int, error: float = 0.0) -> BodyMesh:
+def mesh_of(
+    body: DemBody, cells: int, error: float = 0.0, on_try: Callable[[int], None] | None = None
+) -> BodyMesh:
     """Return the mesh of a body: of so many cells, or the coarsest that is as near as was asked.
 
     Parameters
@@ -85,6 +88,8 @@ def mesh_of(body: DemBody, cells: int, error: float = 0.0) -> BodyMesh:
         Edges along its longest side.
     error : float
         The largest Hausdorff distance to the avatar over D_n; `cells` then counts for nothing. 0: any.
+    on_try : callable(cells), optional
+        Called before each mesh that is made; raising in it cancels.
 
     Returns
     -------
@@ -92,9 +97,13 @@ def mesh_of(body: DemBody, cells: int, error: float = 0.0) -> BodyMesh:
         With a warning where not even `MOST_CELLS` are near enough.
     """
     errors = MeshErrors(body.avatar, nominal_diameter(body.mass.volume))
-    if error <= 0:
-        return _measured(body, cells, errors)
-    return _coarsest(body, error, errors)
+
+    def made(tried: int) -> BodyMesh:
+        if on_try is not None:
+            on_try(tried)
+        return _measured(body, tried, errors)
+
+    return made(cells) if error <= 0 else _coarsest(made, error)
 
 
 def _measured(body: DemBody, cells: int, errors: MeshErrors) -> BodyMesh:
@@ -102,12 +111,12 @@ def _measured(body: DemBody, cells: int, errors: MeshErrors) -> BodyMesh:
     return BodyMesh(mesh, cells, errors.of((np.asarray(mesh.vertices), np.asarray(mesh.faces))))
 
 
-def _coarsest(body: DemBody, error: float, errors: MeshErrors) -> BodyMesh:
+def _coarsest(make: Callable[[int], BodyMesh], error: float) -> BodyMesh:
     """Close in on the number of cells: a flat triangle's distance falls with the square of its side."""
     best, worst, too_few = None, None, FEWEST_CELLS - 1
     cells = _FIRST_CELLS
     while True:
-        made = _measured(body, cells, errors)
+        made = make(cells)
         if made.error <= error:
             best = made if best is None or made.cells < best.cells else best
         else:

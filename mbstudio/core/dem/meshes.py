@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -45,8 +46,8 @@ def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Pa
     """Write one mesh file a body and describe it; no example beside them."""
     files, details = [], []
     for index, body in enumerate(job.bodies):
-        job.progress(index / len(job.bodies), f"Meshing {body.name}")
-        made = mesh_of(body, int(job.options["cells"]), job.options["error"] / 100)
+        tell = partial(_tell, job, index / len(job.bodies), body.name)
+        made = mesh_of(body, int(job.options["cells"]), job.options["error"] / 100, tell)
         name = f"{body.name}.{suffix}"
         write_one(made.mesh, job.folder / name)
         files.append((name,))
@@ -54,6 +55,10 @@ def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Pa
         if made.warning:
             details[-1]["warnings"] = [f"{body.name}: {made.warning}"]
     return Written(files, details)
+
+
+def _tell(job: Job, fraction: float, name: str, cells: int) -> None:
+    job.progress(fraction, f"Meshing {name}, {cells} cells across")
 
 
 def write_checked_meshes(

@@ -60,6 +60,9 @@ class AutosaveWork(Work):
         self._own: Autosave | None = None
         self._task: Task | None = None
         self._kept: ProjectState | None = None  # what was written last
+        # The project with what is half done, and what it was joined from: the same is not written twice.
+        self._parts: tuple[object, ...] = ()
+        self._joined: ProjectState | None = None
         self._last = float("-inf")
         self._has_complained = False
         self._is_restoring = False
@@ -91,8 +94,13 @@ class AutosaveWork(Work):
         """Return the project with what is half done; None where the file holds all."""
         state, arrived, style = self.workspace.state, self._fits.arrived_fits, self._styles.arrived_style
         if arrived or style is not None:
-            state = state if style is None else replace(state, style=style)
-            return state.with_fits(arrived) if arrived else state
+            parts = (state, style, *arrived.values())
+            if len(parts) != len(self._parts) or any(
+                a is not b for a, b in zip(parts, self._parts, strict=True)
+            ):
+                state = state if style is None else replace(state, style=style)
+                self._parts, self._joined = parts, state.with_fits(arrived) if arrived else state
+            return self._joined
         worth_it = state.scan is not None or state.grains is not None or state.style is not None
         return state if self.workspace.is_modified and worth_it else None
 

@@ -271,6 +271,7 @@ class StyleWork(Work):
         self._task, self.progress = task, None
         task.reported.connect(self._report)
         task.ended.connect(self.changed)
+        task.ended.connect(self.arrived)
         task.started.connect(self.changed)
         self.queue.submit(task)
         self.changed.emit()

@@ -68,6 +68,27 @@ def test_a_distance_out_of_reach_is_told_and_the_nearest_mesh_taken(avatar, monk
     assert "0.001 % asked" in found.warning
 
 
+def test_the_search_for_a_distance_can_be_given_up_between_two_meshes(avatar, tmp_path):
+    tried = []
+
+    def tell(cells):
+        tried.append(cells)
+        if len(tried) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mesh_of(body_of(avatar), 32, 0.004, tell)
+    assert tried[0] != tried[1]
+
+    def progress(fraction, message):
+        if "cells across" in message:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export(avatar, "stl", tmp_path / "out", error=0.4, progress=progress)
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_export_by_error_states_what_it_reached(avatars, tmp_path):
     report = export(avatars[:2], "ply", tmp_path / "out", error=1.0)
     for item, path in zip(report.items, report.files[:2], strict=True):
