@@ -12,6 +12,7 @@ from numba import njit
 from mbstudio.core.metaball.field import SAFE_MATH
 
 _CHUNK = 256
+_SUMMED = 1536
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
@@ -162,12 +163,12 @@ def _tile(a0, a1, a2, a3, b0, b1, b2, b3, count, zero):  # pragma: no cover - co
 def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - compiled
     """Add J J^T to the lower triangle of `matrix` and J r to `gradient`, J = rows [parameter, point].
 
-    Tiles of 4 x 4 parameters keep 16 sums in registers; each sums at most 512 products in single
+    Tiles of 4 x 4 parameters keep 16 sums in registers; each sums at most `_SUMMED` products in single
     precision before it goes to double.
     """
     size, total = rows.shape
-    for start in range(0, total, 512):
-        stop = min(start + 512, total)
+    for start in range(0, total, _SUMMED):
+        stop = min(start + _SUMMED, total)
         for a in range(size):
             row, dot = rows[a], np.float32(0.0)
             for p in range(start, stop):

@@ -229,9 +229,8 @@ class Refinement:
         """From now on also push edges out until the area is right; return whether it is too small."""
         if self.settings.area_weight <= 0 or self.rms() < self.settings.area_noise * self.prepared.fineness:
             return False
-        area = mesh_area(self.control, 64)
         wanted = self.prepared.area * (1 - self.settings.area_slack)
-        if not area < wanted:
+        if not np.isfinite(wanted) or (area := mesh_area(self.control, 64)) >= wanted:
             return False
         self._wanted_area = min(wanted, area * (1 + self.settings.most_area_gain))
         self._renew()

@@ -136,18 +136,30 @@ def _most_useful(
         np.hstack([matrix[4 * n : 4 * n + tried, : 4 * n].T, gradient[: 4 * n, None]])
     )
     _solve_lower(factor, shared)
-    gram = matrix[4 * n : 4 * n + tried, 4 * n : 4 * n + tried]
-    gram = np.tril(gram) + np.tril(gram, -1).T
-    down = gradient[4 * n : 4 * n + tried].copy()
+    new_ones = slice(4 * n, 4 * n + tried)
+    gram, down = _symmetric(matrix[new_ones, new_ones]), gradient[new_ones].copy()
     own = np.diagonal(gram).copy()
-    for row in shared:  # not a matrix product: its rounding could depend on the number of threads
-        gram -= row[:tried, None] * row[:tried]
-        down -= row[:tried] * row[tried]
+    taken, taken_down = _products(shared[:, :tried].T, shared[:, tried])
+    gram -= taken
+    down -= taken_down
     chosen = _pursue(gram.copy(), down.copy(), own, count)
     weights = -np.linalg.solve(gram[np.ix_(chosen, chosen)], down[chosen])
     depth = search.depth_of(places[:, chosen])
     new = np.vstack([places[:, chosen], np.clip(weights, (_SMALLEST * depth) ** 2, (_LARGEST * depth) ** 2)])
     return new
+
+
+def _symmetric(lower: np.ndarray) -> np.ndarray:
+    return np.tril(lower) + np.tril(lower, -1).T
+
+
+def _products(rows: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows rows^T and rows vector; not by a matrix product, whose rounding could depend on threads."""
+    padded = np.zeros((len(rows) + (-len(rows)) % 4, rows.shape[1]))
+    padded[: len(rows)] = rows
+    matrix, product = np.zeros((len(padded), len(padded))), np.zeros(len(padded))
+    add_normal_matrix(padded, vector.copy(), matrix, product)
+    return _symmetric(matrix[: len(rows), : len(rows)]), product[: len(rows)]
 
 
 def _candidates(
