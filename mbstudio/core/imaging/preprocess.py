@@ -19,6 +19,7 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.topology import genus_of_voxels
+from mbstudio.core.metrics.sphere_directions import half_sphere
 
 Cavities = Literal["fill", "keep"]
 
@@ -27,6 +28,7 @@ _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
 _SMOOTHING_OF_FEW = 0.6  # of a grain below it
 _LONG_VOXELS = 1.5  # longest edge over shortest
 _THIN = 0.35  # thickness in working lengths
+_PLANES = 300  # that touch the surface in its tips
 _SMOOTHING_OF_BLOCKS = 0.5  # block averages are smooth already: more only rounds the edges
 
 
@@ -51,6 +53,10 @@ class PreparedGrain:
     hull : float array, shape (m, 3)
         Points on the surface, H in the paper, in the working frame. Unless voxels are few or long,
         neighbours in this order are neighbours on the surface: every k-th is spread evenly too.
+    tips, tip_shares : float array, shapes (t, 3) and (t,)
+        Where the surface touches planes that come from all sides, in the working frame, and the share of the
+        planes that each touches: the sharper, the more. They decide on calipers and boxes. None where voxels
+        are few or long.
     interior, interior_depth : float array, shapes (p, 3) and (p,)
         Points well inside and their depth.
     volume, area : float
@@ -76,6 +82,8 @@ class PreparedGrain:
     voxel: float
     fineness: float
     hull: Float64[np.ndarray, "m 3"]
+    tips: Float64[np.ndarray, "t 3"]
+    tip_shares: Float64[np.ndarray, "t"]
     interior: Float64[np.ndarray, "p 3"]
     interior_depth: Float64[np.ndarray, "p"]
     volume: float
@@ -227,8 +235,8 @@ def _hull_points(
     sharpened: bool,
     count: int,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, float]:
-    """Return points (x, y, z), relative to the first voxel, spread evenly over the surface, and its area.
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return points spread evenly over the surface, its corners, and its area; relative to the first voxel.
 
     Voxels are smoothed by twice a Gaussian less that Gaussian twice over: without a second moment
     it takes the steps off flat faces but, unlike the Gaussian alone, hardly moves curved ones.
@@ -254,7 +262,16 @@ def _hull_points(
     fractions = (np.arange(count) + rng.random(count)) / count
     chosen = _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
     # Even samples of few voxels would only be truer to their steps.
-    return along_curve(chosen) if sharpened else chosen, float(areas.sum())
+    return along_curve(chosen) if sharpened else chosen, points, float(areas.sum())
+
+
+def _touched(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points that planes from all sides touch first, and the share of the planes of each."""
+    heights = points @ half_sphere(_PLANES // 2).T
+    touched, counts = np.unique(
+        np.concatenate([heights.argmax(axis=0), heights.argmin(axis=0)]), return_counts=True
+    )
+    return points[touched], counts / counts.sum()
 
 
 def _outermost_voxels(
@@ -343,7 +360,9 @@ def prepare(
     if hull == "voxels":
         points, area = _outermost_voxels(mask, spacing, hull_points, rng), float("nan")
     else:
-        points, area = _hull_points(share, spacing, smoothing, sharpened, hull_points, rng)
+        points, corners, area = _hull_points(share, spacing, smoothing, sharpened, hull_points, rng)
+    exact = hull == "surface" and sharpened
+    tips, tip_shares = _touched(corners) if exact else (points[:0], np.empty(0))
     middle = points.mean(axis=0)
     scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
     if scale <= 0:  # a single voxel is its own hull
@@ -360,7 +379,8 @@ def prepare(
         grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
         spacing=spacing / scale, voxel=voxel / scale,
         fineness=voxel * max(0.5, float(np.cbrt(1 / np.prod(blocks)))) / scale,
-        hull=(points - middle) / scale, interior=(where - middle) / scale,
+        hull=(points - middle) / scale, tips=(tips - middle) / scale, tip_shares=tip_shares,
+        interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
         volume=volume / scale**3, area=area / scale**2 if sharpened else float("nan"),
         thickness=2 * volume / area / scale, center=first + middle, scale=scale, filled=int(filled),

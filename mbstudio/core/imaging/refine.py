@@ -4,7 +4,8 @@ The lowest value of the paper's loss alone belongs to avatars that fall into pie
 out. This search therefore minimises, in the working frame, the sum of squares of
 
 - the first-order distance of hull points to the surface, ``2 (1 - u) / g`` with ``u = f**-1/2``
-  and ``g = |grad f| / f`` held between bounds and lagged by one step;
+  and ``g = |grad f| / f`` held between bounds and lagged by one step; and that of the grain's tips,
+  which are too few to count among the hull points, yet decide on its calipers and its box;
 - a hinge that keeps f above 1 at points inside the grain (no voids);
 - a hinge that keeps every control point at some depth (no control point outside, no islands);
 - the volume error, as one mean normal displacement.
@@ -17,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from mbstudio.core.imaging.depths import depths_of, least_depths, push_in, settle_in
 from mbstudio.core.imaging.levenberg_marquardt import (
     add_normal_matrix,
     curvature_of_rows,
-    depth_at,
     field_of_rows,
     jacobian_of_rows,
     solve_damped,
@@ -42,8 +43,9 @@ class RefineSettings:
         Bounds of g = abs(grad f) / f; a higher floor makes the search more cautious where f is flat.
     start_damping : float
         Lambda of the first step.
-    interior_weight, depth_weight, volume_weight, area_weight : float
-        Weights of the hinges and of the volume and area rows against the surface rows.
+    tip_weight, interior_weight, depth_weight, volume_weight, area_weight : float
+        Weights of the tips (of their squares), of the hinges and of the volume and area rows against the
+        surface rows.
     area_slack, most_area_gain : float
         The area row strives for the hull's area less this share (steps of the voxels leave so
         much on smooth surfaces), but for no more than this share beyond what the avatar has.
@@ -55,9 +57,9 @@ class RefineSettings:
         Surface points in use at a time: max(fewest_points, points_per_control * n).
     denser, points_at_end : float, int
         Times as many in the last steps, while the area row is at work; so many where it is left out.
-    renew_every, check_every : int
-        Steps after which the next subset of points is taken and the volume measured anew, and after
-        which progress over all hull points decides whether to stop.
+    renew_every, renew_many_every, many, check_every : int
+        Steps after which the next subset of points is taken and the volume measured anew, the second from so
+        `many` control points on; and after which progress over all hull points decides whether to stop.
     least_gain : float
         Relative gain of the RMS between checks that counts as progress; two without end the search.
     noise, least_gain_in_noise : float
@@ -67,11 +69,12 @@ class RefineSettings:
     steepness_floor: float = 0.7
     steepness_roof: float = 10.0
     start_damping: float = 0.1
+    tip_weight: float = 0.03
     interior_weight: float = 0.5
     depth_weight: float = 0.5
     volume_weight: float = 3.0
     area_weight: float = 1.0
-    area_slack: float = 0.0035
+    area_slack: float = 0.004
     most_area_gain: float = 0.03
     area_noise: float = 0.2
     curvature_roof: float = 30.0
@@ -80,6 +83,8 @@ class RefineSettings:
     denser: float = 2.0
     points_at_end: int = 8000
     renew_every: int = 5
+    renew_many_every: int = 3
+    many: int = 80
     check_every: int = 10
     least_gain: float = 0.01
     noise: float = 0.35
@@ -89,15 +94,6 @@ class RefineSettings:
 # Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
 # gradients of the signed distance at the control points, volume row.
 _State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]
-
-
-def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
-    """Return the depth that control points are pulled to, and that below which none may go."""
-    voxel, deepest = prepared.fineness, prepared.deepest
-    soft = max(2 * voxel, float(np.clip(0.04 * np.sqrt(120 / n), 0.03, 0.08)))
-    hard = max(1.2 * voxel, soft / 2)
-    # Thin plates and grains of a few voxels have no such depth anywhere.
-    return min(soft, 0.6 * deepest), min(hard, 0.4 * deepest)
 
 
 class Refinement:
@@ -121,6 +117,9 @@ class Refinement:
         self.damping = self.settings.start_damping
         self.iteration = 0
         self.hull = np.ascontiguousarray(prepared.hull.T, dtype=np.float32)
+        weighs = self.settings.tip_weight > 0
+        self._tips = np.ascontiguousarray(prepared.tips[: None if weighs else 0].T, dtype=np.float32)
+        self._tip_weight = np.sqrt(self.settings.tip_weight * prepared.tip_shares[: self._tips.shape[1]])
         self._witnesses = np.ascontiguousarray(self.hull[:, :: -(-self.hull.shape[1] // 4000)])
         self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
         self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)
@@ -189,8 +188,17 @@ class Refinement:
         wanted = max(wanted, self._least_points)
         stride = max(1, self.hull.shape[1] // wanted)
         self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
-        self._surface = np.ascontiguousarray(self.hull[:, self._offset :: stride])
+        chosen = self.hull[:, self._offset :: stride]
+        m, t = chosen.shape[1], self._tips.shape[1]
+        self._surface = np.ascontiguousarray(np.hstack([chosen, self._tips]))
+        # Weights of the residuals in the sum of squares, and of the distances in means over the surface.
+        self._row_weight = np.concatenate([np.full(m, 1 / np.sqrt(m)), self._tip_weight]).astype(np.float32)
+        self._share = np.concatenate([np.full(m, 1 / m), np.zeros(t)]).astype(np.float32)
         self._measure_solid()
+
+    def _mean(self, distances: np.ndarray) -> float:
+        """Return the mean over the surface of what is known at the surface points in use."""
+        return float((self._share * distances).sum(dtype=np.float64))
 
     def _measure_solid(self) -> None:
         bounds = solid_bounds(self.control, rounds=1)
@@ -202,19 +210,17 @@ class Refinement:
         displacement = (volume - self.prepared.volume) / max(area, 1e-12)
         residual, _ = self._surface_rows(self.control.astype(np.float32), None)
         # A wildly wrong start must not let the volume row throw the search off.
-        self._volume_offset = float(np.clip(displacement, -0.3, 0.3)) - float(residual.mean(dtype=np.float64))
+        self._volume_offset = float(np.clip(displacement, -0.3, 0.3)) - self._mean(residual)
         self._bend, self._area_weight, self._area_offset = np.zeros_like(residual), 0.0, 0.0
         if self._wanted_area is None:
             return
-        area = mesh_area(self.control, 64)
-        if area < self._wanted_area:
-            self._area_weight = self.settings.area_weight
-            roof = self.settings.curvature_roof
-            # The area grows by twice the mean curvature times the displacement.
-            curvature_of_rows(self._surface, self.control.astype(np.float32), self._bend)
-            np.clip(self._bend, -roof, roof, out=self._bend)
-            expected = float(np.mean(self._bend * residual, dtype=np.float64))
-            self._area_offset = area / self._wanted_area - 1.0 - expected
+        self._area_weight = self.settings.area_weight
+        roof = self.settings.curvature_roof
+        # The area grows by twice the mean curvature times the displacement.
+        curvature_of_rows(self._surface, self.control.astype(np.float32), self._bend)
+        np.clip(self._bend, -roof, roof, out=self._bend)
+        expected = self._mean(self._bend * residual)
+        self._area_offset = mesh_area(self.control, 64) / self._wanted_area - 1.0 - expected
 
     def take_more_points(self) -> bool:
         """From now on ask at more surface points, so that their choice no longer counts, where that pays."""
@@ -255,19 +261,14 @@ class Refinement:
         field_of_rows(self._interior, single, inner)
         hinge = np.minimum(self._interior_side * (1 - inner**-0.5) - self._interior_target, 0)
         hinge *= self._interior_weight
-        depth, slope = np.empty(control.shape[1]), np.empty((3, control.shape[1]))
-        depth_at(
-            control[:3], self.prepared.distance, self.prepared.origin, self.prepared.spacing, depth, slope
-        )
+        depth, slope = depths_of(self.prepared, control[:3])
         shallow = np.maximum(self.soft_depth - depth, 0) * (
             self.settings.depth_weight / np.sqrt(control.shape[1])
         )
-        volume = self._volume_weight * (float(residual.mean(dtype=np.float64)) + self._volume_offset)
-        area = self._area_weight * (
-            float(np.mean(self._bend * residual, dtype=np.float64)) + self._area_offset
-        )
+        volume = self._volume_weight * (self._mean(residual) + self._volume_offset)
+        area = self._area_weight * (self._mean(self._bend * residual) + self._area_offset)
         cost = (
-            float(np.mean(np.square(residual, dtype=np.float64)))
+            float(np.sum(np.square(self._row_weight * residual, dtype=np.float64)))
             + float(np.sum(np.square(hinge, dtype=np.float64)))
             + float(shallow @ shallow)
             + volume**2
@@ -277,28 +278,30 @@ class Refinement:
 
     def _normal_equations(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
         residual, field, hinge, inner, shallow, slope, volume, area = state
-        n, m = self.control.shape[1], len(residual)
+        n = self.control.shape[1]
         active = np.flatnonzero(hinge < 0)
-        root = np.float32(1 / np.sqrt(m))
+        weight = self._row_weight
         points = np.ascontiguousarray(np.hstack([self._surface, self._interior[:, active]]))
         # d(1 - u)/df = f**(-3/2) / 2.
         factor = np.concatenate([
-            0.5 * self._scale * root * field**-1.5,
+            0.5 * self._scale * weight * field**-1.5,
             0.5 * (self._interior_side * self._interior_weight)[active] * inner[active] ** -1.5,
         ]).astype(np.float32)  # fmt: skip
         rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
         jacobian_of_rows(points, self.control.astype(np.float32), factor, rows)
         matrix, gradient = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
         add_normal_matrix(
-            rows, np.concatenate([residual * root, hinge[active]]).astype(np.float32), matrix, gradient
+            rows, np.concatenate([residual * weight, hinge[active]]).astype(np.float32), matrix, gradient
         )
-        mean = rows[:, :m].sum(axis=1, dtype=np.float64) * (float(root) * self._volume_weight)
+        share, mean = self._share / weight, np.empty(4 * n)
+        weighted_sums_of_rows(rows, share, mean)
+        mean *= self._volume_weight
         matrix += np.outer(mean, mean)
         gradient += mean * volume
         if self._area_weight:
             bent = np.empty(4 * n)
-            weighted_sums_of_rows(rows, self._bend, bent)
-            bent *= float(root) * self._area_weight
+            weighted_sums_of_rows(rows, self._bend * share, bent)
+            bent *= self._area_weight
             matrix += np.outer(bent, bent)
             gradient += bent * area
         # Each control point's depth row touches only its own three places.
@@ -318,40 +321,12 @@ class Refinement:
         moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
         # A point that is too shallow already (in a spike) may stay so, but go no further out:
         # were it moved at every trial, the shortest step would still not be a small change.
-        self._push(moved, np.minimum(self.hard_depth, self._depth(self.control[:3])[0]), self.control)
+        self.keep_deep(moved)
         return moved
-
-    def _depth(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return signed distance and its gradient at points (rows x, y, z)."""
-        prepared = self.prepared
-        depth, slope = np.empty(points.shape[1]), np.empty((3, points.shape[1]))
-        depth_at(points, prepared.distance, prepared.origin, prepared.spacing, depth, slope)
-        return depth, slope
-
-    def _push(self, control: np.ndarray, least: np.ndarray, fallback: np.ndarray) -> None:
-        """Move control points shallower than `least` inward, in place; where that fails, to `fallback`."""
-        for _ in range(3):
-            depth, slope = self._depth(control[:3])
-            low = depth < least
-            if not low.any():
-                return
-            norm = np.maximum((slope[:, low] ** 2).sum(axis=0), 1e-3)
-            control[:3, low] += slope[:, low] * ((least[low] - depth[low]) / norm)
-        stuck = self._depth(control[:3])[0] < np.minimum(least, self.prepared.voxel) - 1e-9
-        control[:3, stuck] = fallback[:3, stuck]
 
     def settle(self) -> None:
         """Bring the control points of a start to where the search allows them, as far as the shape lets."""
-        prepared, start = self.prepared, self.control.copy()
-        self._push(self.control, np.full(self.control.shape[1], self.hard_depth), start)
-        outside = np.flatnonzero(
-            self._depth(self.control[:3])[0] < 0.25 * min(prepared.voxel, prepared.deepest)
-        )
-        if len(outside):
-            deep = np.argwhere(prepared.distance >= min(0.45 * prepared.voxel, prepared.deepest))
-            places = deep[:, ::-1] * prepared.spacing + prepared.origin
-            for i in outside:
-                self.control[:3, i] = places[((places - self.control[:3, i]) ** 2).sum(axis=1).argmin()]
+        settle_in(self.prepared, self.control, self.hard_depth)
 
     def linearised(self) -> tuple[np.ndarray, np.ndarray]:
         """Return normal matrix (lower triangle) and gradient at the control points as they stand."""
@@ -359,27 +334,31 @@ class Refinement:
         return self._normal_equations(self._cost(self.control)[1])
 
     def surface_rows_at(self, control: Float64[np.ndarray, "4 n"]) -> tuple[np.ndarray, ...]:
-        """Return the surface points in use, their distances and the derivatives of these by f."""
+        """Return the surface points in use, their weighted residuals and the derivatives of these by f."""
         residual, field = self._surface_rows(control.astype(np.float32), None)
-        return self._surface, residual, (0.5 * self._scale * field**-1.5).astype(np.float32)
+        weight = self._row_weight
+        return self._surface, weight * residual, (0.5 * weight * self._scale * field**-1.5).astype(np.float32)
 
     def depth_of(self, points: Float64[np.ndarray, "3 p"]) -> Float64[np.ndarray, "p"]:
         """Return the depth of points (rows x, y, z) below the surface."""
-        return self._depth(points)[0]
+        return depths_of(self.prepared, points)[0]
 
     def keep_deep(self, moved: Float64[np.ndarray, "4 n"]) -> None:
         """Push control points inward, in place, where they came shallower than a step may bring them."""
-        self._push(moved, np.minimum(self.hard_depth, self._depth(self.control[:3])[0]), self.control)
+        least = np.minimum(self.hard_depth, self.depth_of(self.control[:3]))
+        push_in(self.prepared, moved, least, self.control)
 
     def pushed_in(self, points: Float64[np.ndarray, "3 p"], depth: float) -> Float64[np.ndarray, "3 p"]:
         """Return points (rows x, y, z) moved inward to a depth, as far as the shape lets."""
         moved = points.copy()
-        self._push(moved, np.full(points.shape[1], depth), points)
+        push_in(self.prepared, moved, np.full(points.shape[1], depth), points)
         return moved
 
     def advance(self) -> bool:
         """Make one step; return False where no damping finds a lower sum of squares."""
-        if self.iteration and self.iteration % self.settings.renew_every == 0:
+        few = self.control.shape[1] < self.settings.many or self._wanted_area is not None
+        every = self.settings.renew_every if few else self.settings.renew_many_every
+        if self.iteration and self.iteration % every == 0:
             self._renew()
         self.iteration += 1
         self._surface_rows(self.control.astype(np.float32), None)  # the lagged g

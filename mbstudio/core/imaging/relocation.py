@@ -116,17 +116,16 @@ def _most_useful(
     points, residual, slope = search.surface_rows_at(control)
     places = _candidates(search, points, residual, rng)
     n, m, tried = control.shape[1], len(residual), places.shape[1]
-    root = np.float32(1 / np.sqrt(m))
     rows = np.zeros((4 * n + tried + (-tried) % 4, m), dtype=np.float32)
-    jacobian_of_rows(points, control.astype(np.float32), slope * root, rows[: 4 * n])
+    jacobian_of_rows(points, control.astype(np.float32), slope, rows[: 4 * n])
     unit = np.vstack([places, np.full(tried, 1.0)]).astype(np.float32)
     by_weight = np.empty((4 * tried, m), dtype=np.float32)
-    jacobian_of_rows(points, unit, slope * root, by_weight)
+    jacobian_of_rows(points, unit, slope, by_weight)
     # In a groove the place below one wall may lie on the other: nothing is to be gained there.
     by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < _STEEPEST)] = 0.0
     rows[4 * n : 4 * n + tried] = by_weight[:tried]
     matrix, gradient = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
-    add_normal_matrix(rows, residual * root, matrix, gradient)
+    add_normal_matrix(rows, residual, matrix, gradient)
     # What the control points there are can do by themselves is taken out of the new ones.
     old = np.ascontiguousarray(matrix[: 4 * n, : 4 * n])
     diagonal = np.diagonal(old)
@@ -166,7 +165,7 @@ def _candidates(
     search: Refinement, points: np.ndarray, residual: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """Return places (rows x, y, z) below surface points, chosen the likelier the farther they lie off."""
-    share = np.square(residual, dtype=np.float64) + 1e-12
+    share = np.square(residual, dtype=np.float64) + 1e-16
     chosen = rng.choice(
         len(residual), min(_PLACES, len(residual)), replace=False, p=share / share.sum(), shuffle=False
     )

@@ -151,7 +151,8 @@ def fit_body(
     """
     settings = settings or TemplateFitSettings()
     unit_length = frame.diameter / prepared.scale
-    search = TemplateFit(prepared, frame, template, RefineSettings())
+    # Tips weigh nothing here: they are of this body alone, the template's points of all.
+    search = TemplateFit(prepared, frame, template, RefineSettings(tip_weight=0.0, renew_many_every=5))
     search.settle()
     for ridge, steps in zip(settings.ridges, settings.steps, strict=True):
         search.ridge = ridge

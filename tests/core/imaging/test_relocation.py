@@ -7,9 +7,10 @@ import pytest
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit, relocation
+from mbstudio.core.imaging.depths import least_depths
 from mbstudio.core.imaging.levenberg_marquardt import curvature_of_rows
 from mbstudio.core.imaging.preprocess import prepare
-from mbstudio.core.imaging.refine import Refinement, RefineSettings, least_depths
+from mbstudio.core.imaging.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.metaball.surface import mesh_area
 from mbstudio.core.units import VoxelSize
