@@ -17,9 +17,9 @@ from numba import njit
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.imaging.hull import outermost_voxels, points_on_surface, tips_of
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.topology import genus_of_voxels
-from mbstudio.core.metrics.sphere_directions import half_sphere
 
 Cavities = Literal["fill", "keep"]
 
@@ -28,7 +28,6 @@ _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
 _SMOOTHING_OF_FEW = 0.6  # of a grain below it
 _LONG_VOXELS = 1.5  # longest edge over shortest
 _THIN = 0.35  # thickness in working lengths
-_PLANES = 300  # that touch the surface in its tips
 _SMOOTHING_OF_BLOCKS = 0.5  # block averages are smooth already: more only rounds the edges
 
 
@@ -155,59 +154,6 @@ def _block_average(mask, fz, fy, fx, out):  # pragma: no cover - compiled
                     row[6 + ix // fx] += share
 
 
-@njit(cache=True, nogil=True)
-def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: no cover - compiled
-    """Place one point in each equal share of the total area (faces in their order)."""
-    total = areas.sum()
-    out = np.empty((len(fractions), 3))
-    face, passed = 0, 0.0
-    for p in range(len(fractions)):
-        wanted = fractions[p] * total
-        while passed + areas[face] < wanted and face < len(areas) - 1:
-            passed += areas[face]
-            face += 1
-        a, b = jitter[p, 0], jitter[p, 1]
-        if a + b > 1.0:
-            a, b = 1.0 - a, 1.0 - b
-        for axis in range(3):
-            corner = vertices[faces[face, 0], axis]
-            out[p, axis] = (
-                corner
-                + a * (vertices[faces[face, 1], axis] - corner)
-                + b * (vertices[faces[face, 2], axis] - corner)
-            )
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _places_on_curve(cells):  # pragma: no cover - compiled
-    """Return the place along Morton's curve of cells (x, y, z) of 10 bits an axis."""
-    out = np.zeros(len(cells), np.int64)
-    for p in range(len(cells)):
-        for bit in range(10):
-            for axis in range(3):
-                out[p] |= ((cells[p, axis] >> bit) & 1) << (3 * bit + axis)
-    return out
-
-
-def along_curve(points: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m 3"]:
-    """Return points in the order in which Morton's space-filling curve passes through them.
-
-    Parameters
-    ----------
-    points : float array, shape (m, 3)
-        At least one point, in any unit.
-
-    References
-    ----------
-    Morton (1966), A computer oriented geodetic data base, IBM Ltd.
-    """
-    low = points.min(axis=0)
-    longest = max(float((points.max(axis=0) - low).max()), 1e-300)
-    cells = ((points - low) * (1023 / longest)).astype(np.int64)
-    return points[np.argsort(_places_on_curve(cells), kind="stable")]
-
-
 def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, int, int]]:
     """Return the share of each (block of) voxel(s) that is inside, padded, and the block (z, y, x)."""
     mask = np.asarray(grain.mask)
@@ -226,64 +172,6 @@ def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, in
     share = np.zeros(shape, dtype=np.float32)
     _block_average(np.ascontiguousarray(mask, dtype=np.bool_), blocks[0], blocks[1], blocks[2], share)
     return share, (blocks[0], blocks[1], blocks[2])
-
-
-def _hull_points(
-    share: np.ndarray,
-    spacing: np.ndarray,
-    smoothing: float,
-    sharpened: bool,
-    count: int,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return points spread evenly over the surface, its corners, and its area; relative to the first voxel.
-
-    Voxels are smoothed by twice a Gaussian less that Gaussian twice over: without a second moment
-    it takes the steps off flat faces but, unlike the Gaussian alone, hardly moves curved ones.
-    """
-    from scipy.ndimage import gaussian_filter
-    from skimage.measure import marching_cubes
-
-    # One smoothing length for all axes: voxels of different edges get different sigmas.
-    sigma = smoothing * np.cbrt(spacing.prod()) / spacing[::-1]
-    smooth = gaussian_filter(share, sigma, truncate=3.0)
-    if sharpened:
-        smooth *= 2
-        smooth -= gaussian_filter(0.5 * smooth, sigma, truncate=3.0)
-    if smooth.max() <= 0.5:  # a grain of one or two voxels vanishes under the filter
-        smooth = share
-    vertices, faces, _, _ = marching_cubes(smooth, 0.5, gradient_direction="descent")
-    points = vertices[:, ::-1].astype(np.float64) * spacing
-    corners = points[faces]
-    areas = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    count = min(count, max(4000, len(faces)))
-    fractions = (np.arange(count) + rng.random(count)) / count
-    chosen = _points_on_triangles(points, faces.astype(np.int64), areas, fractions, rng.random((count, 2)))
-    # Even samples of few voxels would only be truer to their steps.
-    return along_curve(chosen) if sharpened else chosen, points, float(areas.sum())
-
-
-def _touched(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points that planes from all sides touch first, and the share of the planes of each."""
-    heights = points @ half_sphere(_PLANES // 2).T
-    touched, counts = np.unique(
-        np.concatenate([heights.argmax(axis=0), heights.argmin(axis=0)]), return_counts=True
-    )
-    return points[touched], counts / counts.sum()
-
-
-def _outermost_voxels(
-    mask: np.ndarray, spacing: np.ndarray, count: int, rng: np.random.Generator
-) -> np.ndarray:
-    """Return the centres (x, y, z), relative to the first voxel, of voxels with a face to the outside."""
-    from scipy.ndimage import binary_erosion
-
-    outermost = np.argwhere(mask & ~binary_erosion(mask))
-    if len(outermost) > count:
-        outermost = outermost[rng.choice(len(outermost), count, replace=False, shuffle=False)]
-    return outermost[:, ::-1] * spacing
 
 
 def prepare(
@@ -358,11 +246,11 @@ def prepare(
     # Few or long voxels have steps that a sharper surface would follow.
     sharpened = smoothing != _SMOOTHING_OF_FEW and spacing.max() < _LONG_VOXELS * spacing.min()
     if hull == "voxels":
-        points, area = _outermost_voxels(mask, spacing, hull_points, rng), float("nan")
+        points, area = outermost_voxels(mask, spacing, hull_points, rng), float("nan")
     else:
-        points, corners, area = _hull_points(share, spacing, smoothing, sharpened, hull_points, rng)
+        points, corners, area = points_on_surface(share, spacing, smoothing, sharpened, hull_points, rng)
     exact = hull == "surface" and sharpened
-    tips, tip_shares = _touched(corners) if exact else (points[:0], np.empty(0))
+    tips, tip_shares = tips_of(corners) if exact else (points[:0], np.empty(0))
     middle = points.mean(axis=0)
     scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
     if scale <= 0:  # a single voxel is its own hull

@@ -78,7 +78,7 @@ class RefineSettings:
     most_area_gain: float = 0.03
     area_noise: float = 0.2
     curvature_roof: float = 30.0
-    points_per_control: int = 25
+    points_per_control: int = 28
     fewest_points: int = 1500
     denser: float = 2.0
     points_at_end: int = 8000
@@ -356,7 +356,7 @@ class Refinement:
 
     def advance(self) -> bool:
         """Make one step; return False where no damping finds a lower sum of squares."""
-        few = self.control.shape[1] < self.settings.many or self._wanted_area is not None
+        few = self.control.shape[1] < self.settings.many
         every = self.settings.renew_every if few else self.settings.renew_many_every
         if self.iteration and self.iteration % every == 0:
             self._renew()

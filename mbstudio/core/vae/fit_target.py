@@ -12,7 +12,8 @@ from mbstudio.core.errors import MbstudioError, SerializationError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.pieces import largest_piece, without_cavities
 from mbstudio.core.grains.voxelisation import voxelise
-from mbstudio.core.imaging.preprocess import PreparedGrain, along_curve, prepare
+from mbstudio.core.imaging.hull import along_curve
+from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.surfaces import checked_mesh, surface_area
 from mbstudio.core.units import VoxelSize

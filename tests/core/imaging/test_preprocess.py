@@ -7,7 +7,7 @@ import pytest
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging.preprocess import along_curve, prepare
+from mbstudio.core.imaging.preprocess import prepare
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import CENTER, EGG_AXES, ellipsoid, grain_where
 
@@ -57,29 +57,6 @@ def test_averaged_blocks_tell_the_surface_as_well_as_the_scan_but_not_beyond_hal
         prepared = prepare(grain, working_side=working_side)
         assert prepared.voxel * prepared.scale == pytest.approx(0.5 * block)
         assert prepared.fineness * prepared.scale == pytest.approx(known)
-
-
-def test_points_come_in_the_order_of_mortons_curve() -> None:
-    corners = np.array([[x, y, z] for x in (0, 9) for y in (0, 9) for z in (0, 9)], dtype=float)
-    # Bits of z, y, x: the curve steps along x first, then along y, then along z.
-    wanted = sorted(corners.tolist(), key=lambda point: point[::-1])
-    np.testing.assert_array_equal(along_curve(np.random.default_rng(0).permutation(corners)), wanted)
-    # A point in the low octant comes before all of the high one, whatever its lower bits.
-    near_middle, far = [1023 / 2 - 1] * 3, [1023 / 2 + 1, 0.0, 0.0]
-    ends = [[0.0, 0.0, 0.0], [1023.0, 1023.0, 1023.0]]
-    found = along_curve(np.array([far, ends[1], near_middle, ends[0]]))
-    np.testing.assert_array_equal(found, [ends[0], near_middle, far, ends[1]])
-
-
-def test_every_sixteenth_hull_point_is_still_spread_evenly() -> None:
-    prepared = prepare(grain_where(ellipsoid(40, 30, 24), 42, VoxelSize(1, 1, 1, "um")))
-    unit = in_grain(prepared, prepared.hull) - CENTER
-    octant = (unit > 0) @ np.array([1, 2, 4])
-    share = np.bincount(octant, minlength=8) / len(octant)
-    sparse = octant[5::16]
-    expected = len(sparse) * share
-    # Points drawn at random would miss by the root of their number, here about 13.
-    assert np.abs(np.bincount(sparse, minlength=8) - expected).max() < 6
 
 
 def test_interior_points_are_as_deep_as_they_say(ellipsoid_grain: Grain) -> None:
