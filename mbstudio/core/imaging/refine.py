@@ -49,6 +49,8 @@ class RefineSettings:
     area_slack, most_area_gain : float
         The area row strives for the hull's area less this share (steps of the voxels leave so
         much on smooth surfaces), but for no more than this share beyond what the avatar has.
+    area_stays : bool
+        Keep the area row at work once the area is right, which may not grow too large then either.
     area_noise : float
         Below an RMS of so many voxels the area row is left out: their steps add more to the hull's area.
     curvature_roof : float
@@ -76,6 +78,7 @@ class RefineSettings:
     area_weight: float = 1.0
     area_slack: float = 0.004
     most_area_gain: float = 0.03
+    area_stays: bool = True
     area_noise: float = 0.2
     curvature_roof: float = 30.0
     points_per_control: int = 28
@@ -214,13 +217,16 @@ class Refinement:
         self._bend, self._area_weight, self._area_offset = np.zeros_like(residual), 0.0, 0.0
         if self._wanted_area is None:
             return
+        area = mesh_area(self.control, 64)
+        if area >= self._wanted_area and not self.settings.area_stays:
+            return
         self._area_weight = self.settings.area_weight
         roof = self.settings.curvature_roof
         # The area grows by twice the mean curvature times the displacement.
         curvature_of_rows(self._surface, self.control.astype(np.float32), self._bend)
         np.clip(self._bend, -roof, roof, out=self._bend)
         expected = self._mean(self._bend * residual)
-        self._area_offset = mesh_area(self.control, 64) / self._wanted_area - 1.0 - expected
+        self._area_offset = area / self._wanted_area - 1.0 - expected
 
     def take_more_points(self) -> bool:
         """From now on ask at more surface points, so that their choice no longer counts, where that pays."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FEWEST_BODIES = 5
 _FOR_TEMPLATE = 32
 _TEMPLATE_ROUNDS = 2
-_COPY = 1e-6  # D_n and ln k
+_COPY = 1e-5  # D_n and ln k
 _OTHER_SIZE = 30.0
 
 Progress = Callable[[float, str], None]

@@ -75,6 +75,12 @@ class FittedBody:
     valid: bool
 
 
+# No tips: they would draw control points that all bodies share to what is one body's own.
+_SEARCH = RefineSettings(
+    tip_weight=0.0, area_slack=0.0035, area_stays=False, points_per_control=25, renew_many_every=5
+)
+
+
 class TemplateFit(Refinement):
     """A fast search whose control points are held near where the template has them."""
 
@@ -151,8 +157,7 @@ def fit_body(
     """
     settings = settings or TemplateFitSettings()
     unit_length = frame.diameter / prepared.scale
-    # Tips weigh nothing here: they are of this body alone, the template's points of all.
-    search = TemplateFit(prepared, frame, template, RefineSettings(tip_weight=0.0, renew_many_every=5))
+    search = TemplateFit(prepared, frame, template, _SEARCH)
     search.settle()
     for ridge, steps in zip(settings.ridges, settings.steps, strict=True):
         search.ridge = ridge
