@@ -1,6 +1,6 @@
 """How true and how fast Metaball-Imaging is; prints Markdown tables.
 
-Usage: python benchmarks/imaging.py [synthetic] [real] [speed] [paper] [paper_all]
+Usage: python benchmarks/imaging.py [synthetic] [real] [speed] [paper] [paper_all] [floor]
        [sand [--grains N] [--seed S]] [--quick]
 
 Lengths are in percent of the nominal diameter D_n; CPU times are of one core, preparation
@@ -21,6 +21,7 @@ import numpy as np
 import trimesh
 from grain_kinds import KnownGrain, synthetic
 from imaging_factors import factor_table
+from imaging_floor import floor
 from imaging_paper import against_paper
 from imaging_scores import score, timed_fit
 from imaging_speed import sand, speed
@@ -129,6 +130,8 @@ def main() -> None:
             [known for known in synthetic(side, 1) if known.kind in ("cobble", "concave", "craggy")],
             most=most, hull_points=10**9, working_side=10**6,
         )  # fmt: skip
+    if "floor" in chosen.tables:
+        floor([known for known in synthetic(side, 2) if known.kind in ("cobble", "concave")])
 
 
 if __name__ == "__main__":

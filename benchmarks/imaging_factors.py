@@ -8,10 +8,13 @@ from imaging_scores import surface_distances
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.imaging import FitResult
-from mbstudio.core.metrics import measure
+from mbstudio.core.metrics import bounding_box, measure
 
 FACTORS = ("volume", "area", "sphericity", "circularity", "csf", "dn", "ds", "dns")
-TITLES = ("V", "A", "sphericity", "circularity", "CSF", "D_n", "D_s", "D_ns", "Chamfer", "Hausdorff")
+TITLES = (
+    "V", "A", "sphericity", "circularity", "CSF", "D_n", "D_s", "D_ns",
+    "CSF along the grain's box", "Chamfer", "Hausdorff",
+)  # fmt: skip
 
 
 def errors_of(known: KnownGrain, result: FitResult) -> list[float] | None:
@@ -22,10 +25,12 @@ def errors_of(known: KnownGrain, result: FitResult) -> list[float] | None:
     try:
         true = measure(known.truth, unit=known.grain.unit)
         ours = measure(result.avatar)
+        along = measure(result.avatar, along=bounding_box(known.truth).directions)
     except MbstudioError as error:
         print(f"\n{known.name} is not measured: {error}\n")
         return None
     errors = [100 * abs(getattr(ours, name) / getattr(true, name) - 1) for name in FACTORS]
+    errors.append(100 * abs(along.csf / true.csf - 1))
     distances = surface_distances(result.avatar.mesh(cells=128), known.truth)
     return errors + [100 * distance / true.dn for distance in distances]
 

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.preprocess import Cavities
@@ -42,6 +43,13 @@ class Likeness:
         return measure(self.grain)
 
     @cached_property
+    def box_directions(self) -> Float[np.ndarray, "3 3"]:
+        """Directions of the edges of the grain's smallest box, as rows; MeasureError where it has none."""
+        from mbstudio.core.metrics import bounding_box
+
+        return bounding_box(self.grain).directions
+
+    @cached_property
     def surface(self) -> VerticesFaces:
         """The grain's lightly smoothed surface, in its unit."""
         mesh = self.grain.surface_mesh()
@@ -50,7 +58,9 @@ class Likeness:
     def factor_errors(self, avatar: Avatar) -> dict[str, float]:
         """Return the relative error of every factor, avatar over grain minus one, by name.
 
-        NaN where the grain's own value is zero.
+        The avatar's axes are measured along the edges of the grain's smallest box: where another box has
+        nearly the same volume, the two bodies' own smallest ones could be different boxes, and their edges
+        would not tell how like the bodies are. NaN where the grain's own value is zero.
 
         Raises
         ------
@@ -59,7 +69,8 @@ class Likeness:
         """
         from mbstudio.core.metrics import CORE_FACTORS, measure
 
-        true, ours = self.factors, measure(avatar, unit=self.grain.unit)
+        true = self.factors
+        ours = measure(avatar, unit=self.grain.unit, along=self.box_directions)
         pairs = {name: (getattr(ours, name), getattr(true, name)) for name in CORE_FACTORS}
         return {name: float(a / b - 1.0) if b else float("nan") for name, (a, b) in pairs.items()}
 

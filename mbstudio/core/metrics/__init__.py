@@ -3,11 +3,11 @@
 from mbstudio.core.metrics.detail import measure_detail
 from mbstudio.core.metrics.detailed_factors import DETAILED_FACTORS, DetailedFactors
 from mbstudio.core.metrics.mass import MassProperties, mass_properties
-from mbstudio.core.metrics.measuring import measure
+from mbstudio.core.metrics.measuring import bounding_box, measure
 from mbstudio.core.metrics.shape_factors import CORE_FACTORS, ShapeFactors
 from mbstudio.core.metrics.uncertainty import FactorIntervals, factor_intervals
 
 __all__ = [
     "CORE_FACTORS", "DETAILED_FACTORS", "DetailedFactors", "FactorIntervals", "MassProperties",
-    "ShapeFactors", "factor_intervals", "mass_properties", "measure", "measure_detail",
+    "ShapeFactors", "bounding_box", "factor_intervals", "mass_properties", "measure", "measure_detail",
 ]  # fmt: skip

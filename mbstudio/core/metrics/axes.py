@@ -15,12 +15,12 @@ from mbstudio.core.errors import MeasureError
 from mbstudio.core.metrics.sphere_directions import turns
 
 _STARTS = 1500
-_KEPT = 32
+_KEPT = 64
 _TRIALS = 48
 _STAGES = 20
 _SHRINK = 0.65
-_TIERS = {5: (8, False), 11: (3, True)}
-"""From these stages on: how many frames are still followed, and whether all points decide or the hull's."""
+_TIERS = {5: 24, 11: 8}
+"""From these stages on: how many frames are still followed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def convex_hull(points: Float[np.ndarray, "m 3"]) -> ConvexHull:
         raise MeasureError("The body is flat or empty: it has no volume, so no shape factors.") from error
 
 
-def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | None = None) -> BoundingBox:
+def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
     """Return the oriented bounding box of least volume, to about 1e-4 of its volume.
 
     The volume as a function of the rotation has kinks wherever the touching vertices change,
@@ -58,14 +58,11 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
     ----------
     hull : scipy.spatial.ConvexHull
         Convex hull of the body (:func:`convex_hull`).
-    points : float array, shape (m, 3), optional
-        A denser set of surface points that decides at the end; those of the hull by default.
     """
     corners = hull.points[hull.vertices]
     centre = corners.mean(axis=0)
     scale = float(np.abs(corners - centre).max())
     corners = (corners - centre) / scale
-    finest = corners if points is None else (points - centre) / scale
     frames = np.concatenate([starting_frames(), _frames_of(corners, hull)])
     # A few hundred extreme corners tell the good frames from the bad; all corners decide at the end.
     few = corners[np.unique((starting_frames()[::2, 0] @ corners.T).argmax(axis=1))]
@@ -77,10 +74,9 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
     touching = few
     for stage in range(_STAGES):
         if stage in _TIERS:
-            kept, dense = _TIERS[stage]
-            frames = frames[np.argsort(volumes, kind="stable")[:kept]]
+            frames = frames[np.argsort(volumes, kind="stable")[: _TIERS[stage]]]
             reach = angle / (1.0 - _SHRINK)
-            touching = _within_reach(finest if dense else corners, frames, reach)
+            touching = _within_reach(corners, frames, reach)
             volumes = _extents(touching, frames).prod(axis=1)
         touching = _within_reach(touching, frames, angle / (1.0 - _SHRINK))
         step = Rotation.from_rotvec(offsets * angle).as_matrix()
@@ -93,11 +89,32 @@ def minimum_bounding_box(hull: ConvexHull, points: Float[np.ndarray, "m 3"] | No
         volumes = np.where(better, trial_volumes[rows, winner], volumes)
         angle *= _SHRINK
     frame = frames[volumes.argmin()]
-    lengths = np.ptp(frame @ finest.T, axis=1) * scale
+    return in_order(np.ptp(frame @ corners.T, axis=1) * scale, frame)
+
+
+def box_along(points: Float[np.ndarray, "m 3"], directions: Float[np.ndarray, "3 3"]) -> BoundingBox:
+    """Return the box of points whose edges lie along these orthogonal unit vectors (rows).
+
+    Raises
+    ------
+    MeasureError
+        If they are not orthogonal unit vectors.
+    """
+    frame = np.asarray(directions, dtype=float)
+    if frame.shape != (3, 3) or not np.allclose(frame @ frame.T, np.eye(3), atol=1e-6):
+        raise MeasureError(
+            "The directions of a box are three orthogonal unit vectors as rows, shape (3, 3); "
+            f"these, of shape {frame.shape}, are not."
+        )
+    return in_order(np.ptp(frame @ points.T, axis=1), frame)
+
+
+def in_order(lengths: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "3 3"]) -> BoundingBox:
+    """Return a box with its edges in ascending order and right-handed."""
     order = np.argsort(lengths, kind="stable")
-    directions = frame[order]
-    directions[2] *= np.sign(np.linalg.det(directions))
-    return BoundingBox(lengths[order], directions)
+    rows = directions[order]
+    rows[2] *= np.sign(np.linalg.det(rows))
+    return BoundingBox(lengths[order], rows)
 
 
 def _extents(

@@ -10,6 +10,7 @@ import pytest
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging.likeness import Likeness, voxel_iou
 from mbstudio.core.metaball import Avatar
+from mbstudio.core.metrics import measure
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import CENTER, ellipsoid, grain_where
 
@@ -76,6 +77,19 @@ def test_factor_errors(grain: Grain) -> None:
     assert errors["dn"] == pytest.approx(0.1, abs=0.005)
     assert errors["volume"] == pytest.approx(1.1**3 - 1, abs=0.01)
     assert errors["sphericity"] == pytest.approx(0, abs=0.01)
+
+
+def test_axes_are_compared_along_the_box_of_the_grain() -> None:
+    grain = grain_where(lambda x, y, z: (abs(x) <= 12) & (abs(y) <= 12) & (abs(z) <= 20), 22, VOXEL)
+    likeness = Likeness(grain)
+    assert np.sort(np.abs(likeness.box_directions).max(axis=1)) == pytest.approx([1, 1, 1], abs=2e-3)
+    # Two overlapping balls across the bar's diagonal: their own smallest box is turned by 45 degrees.
+    avatar = Avatar(np.array([[5.0, 5.0, 0.0], [-5.0, -5.0, 0.0]]), np.full(2, 49.0), "um")
+    extents = np.sort(np.ptp(np.asarray(avatar.mesh(96).vertices), axis=0))
+    errors = likeness.factor_errors(avatar)
+    found = [errors[name] for name in ("shortest", "intermediate", "longest")]
+    assert found == pytest.approx(extents / [24.5, 24.5, 40.5] - 1, abs=0.03)
+    assert measure(avatar).longest > 1.1 * extents[2]
 
 
 def test_cavities_are_compared_as_they_were_fitted(grain: Grain) -> None:

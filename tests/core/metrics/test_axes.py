@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.errors import MeasureError
-from mbstudio.core.metrics.axes import convex_hull, minimum_bounding_box
+from mbstudio.core.metrics.axes import box_along, convex_hull, minimum_bounding_box
 
 
 def test_a_regular_tetrahedron_fits_a_cube():
@@ -30,3 +32,42 @@ def test_no_rotation_of_many_gives_a_smaller_box():
 def test_flat_points_have_no_box():
     with pytest.raises(MeasureError, match="flat"):
         convex_hull(np.random.default_rng(0).normal(size=(20, 3)) * [1, 1, 0])
+
+
+def test_the_edges_of_the_smallest_box_are_those_that_an_exhaustive_search_finds():
+    """A smallest box has two neighbouring faces that each hold an edge of the hull (O'Rourke 1985)."""
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        hull = convex_hull(rng.normal(size=(12, 3)) * [1, 1.2, 1.5])
+        pairs = {tuple(sorted(pair)) for face in hull.simplices for pair in combinations(face, 2)}
+        edges = np.array([hull.points[b] - hull.points[a] for a, b in sorted(pairs)])
+        turn = np.linspace(0, np.pi, 361)[:-1]
+        least = np.inf
+        for edge in edges:
+            across = np.linalg.svd(edge[None])[2][1:]
+            normals = np.cos(turn)[:, None] * across[0] + np.sin(turn)[:, None] * across[1]
+            for other in edges:
+                second = np.cross(normals, other)
+                size = np.linalg.norm(second, axis=1)
+                fit = size > 1e-9
+                one, two = normals[fit], second[fit] / size[fit, None]
+                frames = np.stack([one, two, np.cross(one, two)], axis=1)
+                least = min(least, np.ptp(frames @ hull.points.T, axis=2).prod(axis=1).min())
+        assert minimum_bounding_box(hull).lengths.prod() <= least * (1 + 1e-4)
+
+
+def test_a_box_along_given_directions():
+    points = np.array([[x, y, z] for x in (0, 3) for y in (0, 1) for z in (0, 2)], dtype=float)
+    box = box_along(points, np.eye(3))
+    np.testing.assert_allclose(box.lengths, [1, 2, 3])
+    np.testing.assert_allclose(np.abs(box.directions), np.eye(3)[[1, 2, 0]])
+    assert np.linalg.det(box.directions) == pytest.approx(1)
+    # Turned by an angle t about z, a rectangle is a cos t + b sin t wide.
+    t = 0.3
+    turned = Rotation.from_rotvec([0, 0, t]).as_matrix()
+    wanted = [3 * np.sin(t) + np.cos(t), 2, 3 * np.cos(t) + np.sin(t)]
+    np.testing.assert_allclose(box_along(points, turned).lengths, wanted)
+    with pytest.raises(MeasureError, match="orthogonal unit vectors"):
+        box_along(points, np.eye(3) * 1.1)
+    with pytest.raises(MeasureError, match=r"\(2, 3\)"):
+        box_along(points, np.eye(3)[:2])

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from mbstudio.core.errors import MeasureError, MeshError
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball import Avatar
-from mbstudio.core.metrics import measure
+from mbstudio.core.metrics import bounding_box, measure
 from mbstudio.core.metrics.surfaces import pieces_and_voids
 from tests.core.metrics.solids import (
     ellipse_perimeter,
@@ -243,3 +243,25 @@ def test_a_body_is_one_whatever_corner_its_faces_begin_with() -> None:
         )
         assert pieces_and_voids(vertices, turned) == (1, 0)
     assert pieces_and_voids(np.vstack([vertices, vertices + 5]), np.vstack([faces, faces + 12])) == (2, 0)
+
+
+def test_axes_can_be_measured_along_the_box_of_another_body():
+    grain = turned(trimesh.creation.box((1, 2, 5)), 2)
+    box = bounding_box(grain)
+    assert box.lengths == pytest.approx((1, 2, 5), rel=1e-3)
+    egg = turned(trimesh.creation.icosphere(4), 3)
+    along = measure(egg, along=box.directions)
+    assert (along.shortest, along.longest) == pytest.approx((2, 2), rel=2e-3)
+    turn = Rotation.from_rotvec(box.directions[2] * np.pi / 4).as_matrix()
+    quarter = measure(grain, along=box.directions @ turn.T)
+    assert (quarter.shortest, quarter.intermediate) == pytest.approx([3 / math.sqrt(2)] * 2, rel=5e-3)
+    assert quarter.longest == pytest.approx(5, rel=2e-3)
+    with pytest.raises(MeasureError, match="axes='obb', not with axes='feret'"):
+        measure(grain, axes="feret", along=box.directions)
+
+
+def test_the_box_of_an_avatar_is_that_of_its_surface_not_of_its_mesh():
+    # One control point of weight R**2 is the ball of radius R: vertices on it fall short of its box.
+    ball = Avatar(np.zeros((1, 3)), np.array([100.0]), "um")
+    assert bounding_box(ball).lengths == pytest.approx([20, 20, 20], rel=5e-4)
+    assert measure(ball).longest == pytest.approx(20, rel=5e-4)
