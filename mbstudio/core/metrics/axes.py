@@ -15,11 +15,11 @@ from mbstudio.core.errors import MeasureError
 from mbstudio.core.metrics.sphere_directions import turns
 
 _STARTS = 1500
-_KEPT = 64
-_TRIALS = 48
-_STAGES = 20
-_SHRINK = 0.65
-_TIERS = {5: 24, 11: 8}
+_KEPT = 200
+_TRIALS = 24
+_STAGES = 24
+_SHRINK = 0.7
+_TIERS = {4: 96, 8: 32, 13: 8}
 """From these stages on: how many frames are still followed."""
 
 
