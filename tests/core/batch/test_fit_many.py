@@ -123,7 +123,8 @@ def test_closing_ends_the_processes(grains: list[Grain]) -> None:
     next(batch)
     assert set(children()) - before
     batch.close()
-    assert set(children()) == before
+    # One of an earlier test may have ended in the meantime.
+    assert not set(children()) - before
 
 
 def test_a_dead_process_costs_its_grain_only(grains: list[Grain], monkeypatch: pytest.MonkeyPatch) -> None:
