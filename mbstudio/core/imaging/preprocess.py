@@ -249,8 +249,9 @@ def prepare(
         points, area = outermost_voxels(mask, spacing, hull_points, rng), float("nan")
     else:
         points, corners, area = points_on_surface(share, spacing, smoothing, sharpened, hull_points, rng)
-    exact = hull == "surface" and sharpened
-    tips, tip_shares = tips_of(corners) if exact else (points[:0], np.empty(0))
+    tips, tip_shares = points[:0], np.empty(0)
+    if hull == "surface" and sharpened:
+        tips, tip_shares = tips_of(corners)
     middle = points.mean(axis=0)
     scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
     if scale <= 0:  # a single voxel is its own hull

@@ -55,13 +55,15 @@ class RefineSettings:
         Below an RMS of so many voxels the area row is left out: their steps add more to the hull's area.
     curvature_roof : float
         Bound of twice the mean curvature in the area row.
-    points_per_control, fewest_points : int
-        Surface points in use at a time: max(fewest_points, points_per_control * n).
+    points_per_control, points_per_many, fewest_points : int
+        Surface points in use at a time: max(fewest_points, points_per_control * n); the second per control
+        point where there are `many`.
     denser, points_at_end : float, int
         Times as many in the last steps, while the area row is at work; so many where it is left out.
     renew_every, renew_many_every, many, check_every : int
         Steps after which the next subset of points is taken and the volume measured anew, the second from so
-        `many` control points on; and after which progress over all hull points decides whether to stop.
+        `many` control points on, unless voxels are few or long; and after which progress over all hull points
+        decides whether to stop.
     least_gain : float
         Relative gain of the RMS between checks that counts as progress; two without end the search.
     noise, least_gain_in_noise : float
@@ -81,7 +83,8 @@ class RefineSettings:
     area_stays: bool = True
     area_noise: float = 0.2
     curvature_roof: float = 30.0
-    points_per_control: int = 28
+    points_per_control: int = 25
+    points_per_many: int = 28
     fewest_points: int = 1500
     denser: float = 2.0
     points_at_end: int = 8000
@@ -184,8 +187,9 @@ class Refinement:
 
     def _renew(self) -> None:
         """Take the next subset of hull points and measure the volume."""
-        n = self.control.shape[1]
-        wanted = max(self.settings.fewest_points, self.settings.points_per_control * n)
+        settings = self.settings
+        each = settings.points_per_many if self._are_many() else settings.points_per_control
+        wanted = max(settings.fewest_points, each * self.control.shape[1])
         if self._wanted_area is not None:
             wanted = round(self.settings.denser * wanted)
         wanted = max(wanted, self._least_points)
@@ -198,6 +202,10 @@ class Refinement:
         self._row_weight = np.concatenate([np.full(m, 1 / np.sqrt(m)), self._tip_weight]).astype(np.float32)
         self._share = np.concatenate([np.full(m, 1 / m), np.zeros(t)]).astype(np.float32)
         self._measure_solid()
+
+    def _are_many(self) -> bool:
+        """Tell whether control points are many, and the surface known well enough for them."""
+        return self.control.shape[1] >= self.settings.many and bool(np.isfinite(self.prepared.area))
 
     def _mean(self, distances: np.ndarray) -> float:
         """Return the mean over the surface of what is known at the surface points in use."""
@@ -362,8 +370,7 @@ class Refinement:
 
     def advance(self) -> bool:
         """Make one step; return False where no damping finds a lower sum of squares."""
-        few = self.control.shape[1] < self.settings.many
-        every = self.settings.renew_every if few else self.settings.renew_many_every
+        every = self.settings.renew_many_every if self._are_many() else self.settings.renew_every
         if self.iteration and self.iteration % every == 0:
             self._renew()
         self.iteration += 1
