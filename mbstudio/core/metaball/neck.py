@@ -121,7 +121,8 @@ def smallest_neck(control: Float64[np.ndarray, "4 n"], cells: int = 48) -> float
         radii = _measured([at(int(node)) for node, _ in necks], control, 3.0 * spacing)
         found += [float(r) for r, (_, peak) in zip(radii, necks, strict=True) if r < peak]
     found += [float(r) for r in _below_the_grid(group, depth.shape, origin, spacing, control)]
-    return 2.0 * min(found)
+    # Vector sums round differently, once in a long while, for the same numbers elsewhere in memory.
+    return float(f"{2.0 * min(found):.10g}")
 
 
 def _below_the_grid(
