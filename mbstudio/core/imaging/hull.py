@@ -108,7 +108,7 @@ def _farthest(points, directions):  # pragma: no cover - compiled
     total, heights = points.shape[1], np.empty(256, np.float32)
     for d in range(len(directions)):
         a, b, c = directions[d]
-        high, low = np.float32(-np.inf), np.float32(np.inf)
+        high, low = np.float32(-1e30), np.float32(1e30)
         for start in range(0, total, 256):
             # Slices that start at 0 let the compiler see contiguous rows: several times faster.
             px, py, pz = points[0, start:], points[1, start:], points[2, start:]

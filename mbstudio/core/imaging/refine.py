@@ -123,9 +123,11 @@ class Refinement:
         self.damping = self.settings.start_damping
         self.iteration = 0
         self.hull = np.ascontiguousarray(prepared.hull.T, dtype=np.float32)
-        weighs = self.settings.tip_weight > 0
-        self._tips = np.ascontiguousarray(prepared.tips[: None if weighs else 0].T, dtype=np.float32)
-        self._tip_weight = np.sqrt(self.settings.tip_weight * prepared.tip_shares[: self._tips.shape[1]])
+        tips, shares = prepared.tips, prepared.tip_shares
+        if self.settings.tip_weight <= 0:
+            tips, shares = tips[:0], shares[:0]
+        self._tips = np.ascontiguousarray(tips.T, dtype=np.float32)
+        self._tip_weight = np.sqrt(self.settings.tip_weight * shares)
         self._witnesses = np.ascontiguousarray(self.hull[:, :: -(-self.hull.shape[1] // 4000)])
         self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
         self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)

@@ -74,7 +74,8 @@ def measure(
     MeshError
         If a mesh is not one closed body.
     MeasureError
-        If the body is flat, empty, in several pieces, or a grain that is one voxel thick.
+        If the body is flat, empty, in several pieces, or a grain that is one voxel thick; if `along` is not
+        orthogonal, or `axes` another than 'obb' beside it.
 
     References
     ----------

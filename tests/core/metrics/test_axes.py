@@ -34,7 +34,7 @@ def test_flat_points_have_no_box():
         convex_hull(np.random.default_rng(0).normal(size=(20, 3)) * [1, 1, 0])
 
 
-def test_the_edges_of_the_smallest_box_are_those_that_an_exhaustive_search_finds():
+def test_an_exhaustive_search_finds_no_smaller_box():
     """A smallest box has two neighbouring faces that each hold an edge of the hull (O'Rourke 1985)."""
     rng = np.random.default_rng(5)
     for _ in range(3):
