@@ -135,3 +135,29 @@ def test_a_grain_of_few_voxels_has_no_more_points_to_ask_at() -> None:
     before = search._surface.shape[1]
     assert search.take_more_points()
     assert search._surface.shape[1] >= 3 * before
+
+
+@pytest.mark.parametrize(("half", "n", "are_many"), [(50, 79, False), (50, 80, True), (9, 80, False)])
+def test_many_control_points_get_fresh_surface_points_sooner_but_on_few_voxels(half, n, are_many) -> None:
+    prepared = prepare(grain_where(ellipsoid(half, half, half), half + 2, VoxelSize(1, 1, 1, "um")))
+    rng = np.random.default_rng(0)
+    search = Refinement(prepared, np.vstack([0.2 * rng.normal(size=(3, n)), np.full(n, 1 / n)]))
+    first = search._surface
+    for _ in range(4):
+        search.advance()
+    assert (search._surface is not first) == are_many
+    if are_many:
+        assert first.shape[1] >= search.settings.points_per_many * n
+
+
+def test_the_area_row_stays_or_rests_once_the_area_is_right(cube: Grain) -> None:
+    # The ball of the cube's volume has too little area until its wanted area is below its own.
+    prepared = prepare(cube)
+    ball = np.array([[0.0], [0.0], [0.0], [(3 * prepared.volume / (4 * np.pi)) ** (2 / 3)]])
+    for stays in (True, False):
+        search = Refinement(prepared, ball, RefineSettings(area_stays=stays))
+        assert search.strive_for_area()
+        assert search._area_weight > 0
+        search._wanted_area = 0.9 * mesh_area(ball)
+        search._measure_solid()
+        assert (search._area_weight > 0) == stays

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.errors import MeasureError
@@ -54,6 +55,32 @@ def test_an_exhaustive_search_finds_no_smaller_box():
                 frames = np.stack([one, two, np.cross(one, two)], axis=1)
                 least = min(least, np.ptp(frames @ hull.points.T, axis=2).prod(axis=1).min())
         assert minimum_bounding_box(hull).lengths.prod() <= least * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("name", ["I-anm-00006", "K-anm-00005", "N-anm-00001"])
+def test_a_long_search_finds_no_smaller_box_of_grains_that_have_two_of_nearly_the_same_volume(
+    shared_data, name
+):
+    points = np.asarray(trimesh.load(shared_data / "aggregates" / f"{name}.ply").vertices)
+    hull = convex_hull(points)
+    corners = points[hull.vertices]
+
+    def volumes(frames):
+        return np.ptp(frames @ corners.T, axis=-1).prod(axis=-1)
+
+    frames = Rotation.random(4000, rng=np.random.default_rng(1)).as_matrix()
+    frames = frames[np.argsort(volumes(frames))[:150]]
+    least, angle = volumes(frames), np.radians(10)
+    turns = np.random.default_rng(2).normal(size=(24, 3))
+    for _ in range(32):
+        steps = Rotation.from_rotvec(np.vstack([turns, -turns]) * angle / 2).as_matrix()
+        for i, frame in enumerate(frames):
+            trials = steps @ frame
+            found = volumes(trials)
+            if found.min() < least[i]:
+                frames[i], least[i] = trials[found.argmin()], found.min()
+        angle *= 0.75
+    assert minimum_bounding_box(hull).lengths.prod() <= least.min() * (1 + 2e-4)
 
 
 def test_a_box_along_given_directions():
