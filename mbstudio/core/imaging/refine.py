@@ -46,9 +46,10 @@ class RefineSettings:
     tip_weight, interior_weight, depth_weight, volume_weight, area_weight : float
         Weights of the tips (of their squares), of the hinges and of the volume and area rows against the
         surface rows.
-    area_slack, most_area_gain : float
+    area_slack, area_slack_of_many, most_area_gain : float
         The area row strives for the hull's area less this share (steps of the voxels leave so
-        much on smooth surfaces), but for no more than this share beyond what the avatar has.
+        much on smooth surfaces; the second from `many` control points on, unless blocks of voxels
+        were averaged), but for no more than this share beyond what the avatar has.
     area_stays : bool
         Keep the area row at work once the area is right, which may not grow too large then either.
     area_noise : float
@@ -79,6 +80,7 @@ class RefineSettings:
     volume_weight: float = 3.0
     area_weight: float = 1.0
     area_slack: float = 0.004
+    area_slack_of_many: float = 0.002
     most_area_gain: float = 0.03
     area_stays: bool = True
     area_noise: float = 0.2
@@ -249,12 +251,14 @@ class Refinement:
 
     def strive_for_area(self) -> bool:
         """From now on also push edges out until the area is right; return whether it is too small."""
-        if self.settings.area_weight <= 0 or self.rms() < self.settings.area_noise * self.prepared.fineness:
+        settings, prepared = self.settings, self.prepared
+        if settings.area_weight <= 0 or self.rms() < settings.area_noise * prepared.fineness:
             return False
-        wanted = self.prepared.area * (1 - self.settings.area_slack)
+        follows = self._are_many() and prepared.fineness >= prepared.voxel
+        wanted = prepared.area * (1 - (settings.area_slack_of_many if follows else settings.area_slack))
         if not np.isfinite(wanted) or (area := mesh_area(self.control, 64)) >= wanted:
             return False
-        self._wanted_area = min(wanted, area * (1 + self.settings.most_area_gain))
+        self._wanted_area = min(wanted, area * (1 + settings.most_area_gain))
         self._renew()
         return True
 

@@ -77,7 +77,12 @@ class FittedBody:
 
 # No tips: they would draw control points that all bodies share to what is one body's own.
 _SEARCH = RefineSettings(
-    tip_weight=0.0, area_slack=0.0035, area_stays=False, points_per_many=25, renew_many_every=5
+    tip_weight=0.0,
+    area_slack=0.0035,
+    area_slack_of_many=0.0035,
+    area_stays=False,
+    points_per_many=25,
+    renew_many_every=5,
 )
 
 

@@ -161,3 +161,16 @@ def test_the_area_row_stays_or_rests_once_the_area_is_right(cube: Grain) -> None
         search._wanted_area = 0.9 * mesh_area(ball)
         search._measure_solid()
         assert (search._area_weight > 0) == stays
+
+
+@pytest.mark.parametrize(
+    ("n", "working_side", "strives"), [(79, 120, False), (80, 120, True), (80, 60, False)]
+)
+def test_many_control_points_strive_for_more_of_the_area_but_not_on_averaged_blocks(
+    n: int, working_side: int, strives: bool
+) -> None:
+    ball = grain_where(ellipsoid(50, 50, 50), 52, VoxelSize(1, 1, 1, "um"))
+    prepared = prepare(ball, working_side=working_side)
+    control = np.vstack([np.zeros((3, n)), np.full(n, 1 / n)])
+    control[3] *= 0.997 * prepared.area / mesh_area(control, 64)
+    assert Refinement(prepared, control, RefineSettings(area_noise=0.0)).strive_for_area() == strives
