@@ -122,13 +122,13 @@ def jacobian_of_rows(points, control, factor, out):  # pragma: no cover - compil
                 by_z[p] = slope * dz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
 def weighted_sums_of_rows(rows, weights, out):  # pragma: no cover - compiled
     """Write the sum of each row times `weights` (its first places), in double precision."""
     for a in range(rows.shape[0]):
-        total = 0.0
+        row, total = rows[a], 0.0
         for p in range(len(weights)):
-            total += np.float64(rows[a, p]) * weights[p]
+            total += np.float64(row[p]) * weights[p]
         out[a] = total
 
 
