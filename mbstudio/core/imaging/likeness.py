@@ -17,6 +17,7 @@ from mbstudio.core.metrics.surface_distance import VerticesFaces, hausdorff_dist
 
 if TYPE_CHECKING:
     from mbstudio.core.metrics import ShapeFactors
+    from mbstudio.core.metrics.bodies import MeasuredBody
 
 _MOST_NODES = 30_000_000
 _MESH_CELLS = 96
@@ -36,18 +37,24 @@ class Likeness:
         self.grain = _filled(grain) if cavities == "fill" else grain
 
     @cached_property
+    def _measured(self) -> MeasuredBody:
+        from mbstudio.core.metrics.bodies import measured_body
+
+        return measured_body(self.grain)
+
+    @cached_property
     def factors(self) -> ShapeFactors:
         """Shape factors of the grain; MeasureError where they are not defined."""
-        from mbstudio.core.metrics import measure
+        from mbstudio.core.metrics.measuring import core_factors
 
-        return measure(self.grain)
+        return core_factors(self._measured)
 
     @cached_property
     def box_directions(self) -> Float[np.ndarray, "3 3"]:
         """Directions of the edges of the grain's smallest box, as rows; MeasureError where it has none."""
-        from mbstudio.core.metrics import bounding_box
+        from mbstudio.core.metrics.measuring import smallest_box
 
-        return bounding_box(self.grain).directions
+        return smallest_box(self._measured).directions
 
     @cached_property
     def surface(self) -> VerticesFaces:

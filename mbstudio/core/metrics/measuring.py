@@ -104,8 +104,12 @@ def bounding_box(
     MeshError, MeasureError
         As :func:`measure`.
     """
-    measured = measured_body(body, unit, surface)
-    return _box(measured, convex_hull(measured.outline[0]), None)
+    return smallest_box(measured_body(body, unit, surface))
+
+
+def smallest_box(body: MeasuredBody) -> BoundingBox:
+    """Return the oriented bounding box of least volume of a body that :func:`measured_body` prepared."""
+    return _box(body, convex_hull(body.outline[0]), None)
 
 
 def in_unit(measured: ShapeFactors, unit: str) -> ShapeFactors:

@@ -14,6 +14,7 @@ from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
 from mbstudio.core.imaging.sweep import Sweep, SweepRow, quantiles_of, smallest_numbers
 from mbstudio.core.imaging.sweep_table import joined, read_sweep, write_sweep
+from mbstudio.core.metrics import bodies, measuring
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import cut_box, ellipsoid, grain_where
 
@@ -62,13 +63,15 @@ def test_a_row_tells_of_the_fit_and_the_factors(grains: list[Grain], rows: list[
 
 def test_a_grain_is_measured_once(grains: list[Grain], monkeypatch) -> None:
     measured: list[object] = []
-    measure = metrics.measure
+    measured_body = bodies.measured_body
 
-    def counting(body, **options):
+    def counting(body, *options):
         measured.append(body)
-        return measure(body, **options)
+        return measured_body(body, *options)
 
-    monkeypatch.setattr(metrics, "measure", counting)
+    # One for grains, whose outline serves their factors and their box, and one for avatars.
+    monkeypatch.setattr(bodies, "measured_body", counting)
+    monkeypatch.setattr(measuring, "measured_body", counting)
     list(Sweep(grains[1:], [2, 3, 4], **QUICK))
     assert sum(isinstance(body, Grain) for body in measured) == 1
     assert len(measured) == 4
