@@ -342,9 +342,11 @@ class FastFit(StepRun):
         """Return the present avatar, made sound by force where it is not, scored by its errors."""
         assert self.prepared is not None
         assert self.control is not None
-        control, found, note = self.control, self._look(), "the soundest avatar so far"
+        assert self._refinement is not None
+        search, found, note = self._refinement, self._look(), "the soundest avatar so far"
         if not self._is_sound(found):
             control, found, note = force_sound(self.control, self.prepared)
-        volume, _ = volume_and_area_of_thin(control)
-        rms = Refinement(self.prepared, control).rms()
-        return _Candidate(control.copy(), found, rms + abs(volume / self.prepared.volume - 1), note)
+            search = Refinement(self.prepared, control)
+        volume, _ = volume_and_area_of_thin(search.control)
+        score = search.rms() + abs(volume / self.prepared.volume - 1)
+        return _Candidate(search.control.copy(), found, score, note)

@@ -19,23 +19,55 @@ if TYPE_CHECKING:
     import trimesh
 
 
+_CHUNK = 128  # places whose sums stay in the nearest cache
+
+
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _signed_distance(x, y, z, control):  # pragma: no cover - compiled
-    """Return the first-order distance to f = 1 at a point, positive inside."""
-    total = gx = gy = gz = 0.0
+def _signed_distances(places, count, control, sums, out):  # pragma: no cover - compiled
+    """Write first-order distances to f = 1, positive inside, at the first `count` places (rows x, y, z)."""
+    px, py, pz = places[0], places[1], places[2]
+    total, gx, gy, gz = sums[0], sums[1], sums[2], sums[3]
+    for p in range(count):
+        total[p] = gx[p] = gy[p] = gz[p] = 0.0
     for i in range(control.shape[1]):
-        dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
-        inverse = 1.0 / max(dx * dx + dy * dy + dz * dz, 1e-30)
-        term = control[3, i] * inverse
-        total += term
-        slope = term * inverse
-        gx += slope * dx
-        gy += slope * dy
-        gz += slope * dz
-    u = 1.0 / np.sqrt(total)
-    # grad u = -1/2 f**(-3/2) grad f, and grad f is -2 times the sums.
-    steepness = u / total * np.sqrt(gx * gx + gy * gy + gz * gz)
-    return (1.0 - u) / max(steepness, 1e-30)
+        cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
+        for p in range(count):
+            dx, dy, dz = px[p] - cx, py[p] - cy, pz[p] - cz
+            inverse = 1.0 / max(dx * dx + dy * dy + dz * dz, 1e-30)
+            term = k * inverse
+            slope = term * inverse
+            total[p] += term
+            gx[p] += slope * dx
+            gy[p] += slope * dy
+            gz[p] += slope * dz
+    for p in range(count):
+        u = 1.0 / np.sqrt(total[p])
+        # grad u = -1/2 f**(-3/2) grad f, and grad f is -2 times the sums.
+        steepness = u / total[p] * np.sqrt(gx[p] * gx[p] + gy[p] * gy[p] + gz[p] * gz[p])
+        out[p] = (1.0 - u) / max(steepness, 1e-30)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sort_layer(u, iz, near):  # pragma: no cover - compiled
+    """Return how many nodes of a layer lie well inside, and how many `near` the surface (rows iy, ix)."""
+    _, ny, nx = u.shape
+    inside = found = 0
+    for iy in range(1, ny - 1):
+        for ix in range(1, nx - 1):
+            here = u[iz, iy, ix]
+            # Differences of neighbours tell how far the surface is, within a factor of 2 where
+            # it is near: they only decide where the exact distance is worth computing.
+            by_x = u[iz, iy, ix + 1] - u[iz, iy, ix - 1]
+            by_y = u[iz, iy + 1, ix] - u[iz, iy - 1, ix]
+            by_z = u[iz + 1, iy, ix] - u[iz - 1, iy, ix]
+            # (1 - u) / |grad u| > 3 cells, both sides squared; |grad u| is half the difference.
+            if (1.0 - here) ** 2 > 2.25 * (by_x * by_x + by_y * by_y + by_z * by_z):
+                if here < 1.0:
+                    inside += 1
+            else:
+                near[0, found], near[1, found] = iy, ix
+                found += 1
+    return inside, found
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -47,23 +79,21 @@ def _quadrature(u, origin, spacing, control):  # pragma: no cover - compiled
     """
     nz, ny, nx = u.shape
     reach = 1.5 * spacing
+    near = np.empty((2, ny * nx), np.int32)
+    places, sums, distances = np.empty((3, _CHUNK)), np.empty((4, _CHUNK)), np.empty(_CHUNK)
     volume = area = 0.0
     for iz in range(1, nz - 1):
-        for iy in range(1, ny - 1):
-            for ix in range(1, nx - 1):
-                here = u[iz, iy, ix]
-                # Differences of neighbours tell how far the surface is, within a factor of 2 where
-                # it is near: they only decide where the exact distance is worth computing.
-                by_x = u[iz, iy, ix + 1] - u[iz, iy, ix - 1]
-                by_y = u[iz, iy + 1, ix] - u[iz, iy - 1, ix]
-                by_z = u[iz + 1, iy, ix] - u[iz - 1, iy, ix]
-                # (1 - u) / |grad u| > 3 cells, both sides squared; |grad u| is half the difference.
-                if (1.0 - here) ** 2 > 2.25 * (by_x * by_x + by_y * by_y + by_z * by_z):
-                    if here < 1.0:
-                        volume += 1.0
-                    continue
-                x, y, z = origin[0] + ix * spacing, origin[1] + iy * spacing, origin[2] + iz * spacing
-                t = _signed_distance(x, y, z, control) / reach
+        inside, found = _sort_layer(u, iz, near)
+        volume += inside
+        for start in range(0, found, _CHUNK):
+            count = min(_CHUNK, found - start)
+            for p in range(count):
+                places[0, p] = origin[0] + near[1, start + p] * spacing
+                places[1, p] = origin[1] + near[0, start + p] * spacing
+                places[2, p] = origin[2] + iz * spacing
+            _signed_distances(places, count, control, sums, distances)
+            for p in range(count):
+                t = distances[p] / reach
                 if t >= 1.0:
                     volume += 1.0
                 elif t > -1.0:
