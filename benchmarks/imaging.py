@@ -133,7 +133,9 @@ def main() -> None:
             most=most, hull_points=10**9, working_side=10**6,
         )  # fmt: skip
     if "floor" in chosen.tables:
-        floor([known for known in synthetic(side, 2) if known.kind in ("cobble", "concave")])
+        grains = synthetic(side, 2)
+        floor([known for known in grains if known.kind in ("cobble", "concave")])
+        floor([known for known in grains if known.kind == "angular"], n=120, starts=10)
 
 
 if __name__ == "__main__":
