@@ -255,7 +255,7 @@ def test_work_is_offered_after_a_crash_and_restored_unsaved(
     assert len(later.workspace.state.grains) == 2
     assert later.workspace.project.path == tmp_path / "sand.mbs"
     assert later.isWindowModified()
-    assert not cards(later)
+    qtbot.waitUntil(lambda: not cards(later))
     qtbot.waitUntil(lambda: later.queue.is_idle)
     # It stays on the disk until it is saved.
     later.shell.autosaves._own.release()
