@@ -21,6 +21,7 @@ _STAGES = 24
 _SHRINK = 0.7
 _TIERS = {4: 96, 8: 32, 13: 8}
 """From these stages on: how many frames are still followed."""
+_ABREAST = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +130,23 @@ def _extents(
 def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:  # pragma: no cover - compiled
     """Extent of corners (3, m) along each row; a compiled loop, as the product would be m times as large."""
     out = np.empty(len(rows))
-    count = corners.shape[1]
-    for k in range(len(rows)):
-        a, b, c = rows[k]
-        high, low = -1e300, 1e300
-        for j in range(count):
-            height = a * corners[0, j] + b * corners[1, j] + c * corners[2, j]
-            high = max(high, height)
-            low = min(low, height)
-        out[k] = high - low
+    px, py, pz = corners[0], corners[1], corners[2]
+    # Rows side by side: over the corners instead, highest and lowest would wait for one another.
+    a, b, c, high, low = (np.empty(_ABREAST), np.empty(_ABREAST), np.empty(_ABREAST),
+                          np.empty(_ABREAST), np.empty(_ABREAST))  # fmt: skip
+    for start in range(0, len(rows), _ABREAST):
+        count = min(_ABREAST, len(rows) - start)
+        for k in range(_ABREAST):
+            row = rows[start + min(k, count - 1)]
+            a[k], b[k], c[k] = row[0], row[1], row[2]
+            high[k], low[k] = -1e300, 1e300
+        for j in range(corners.shape[1]):
+            x, y, z = px[j], py[j], pz[j]
+            for k in range(_ABREAST):
+                height = a[k] * x + b[k] * y + c[k] * z
+                high[k] = max(high[k], height)
+                low[k] = min(low[k], height)
+        out[start : start + count] = high[:count] - low[:count]
     return out
 
 
