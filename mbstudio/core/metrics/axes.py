@@ -66,7 +66,7 @@ def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
     corners = (corners - centre) / scale
     frames = np.concatenate([starting_frames(), _frames_of(corners, hull)])
     # A few hundred extreme corners tell the good frames from the bad; all corners decide at the end.
-    few = corners[np.unique((starting_frames()[::2, 0] @ corners.T).argmax(axis=1))]
+    few = corners[np.unique(_heights(starting_frames()[::2, 0], corners).argmax(axis=1))]
     volumes = _extents(few, frames).prod(axis=1)
     best = np.argsort(volumes, kind="stable")[:_KEPT]
     frames, volumes = frames[best], volumes[best]
@@ -150,6 +150,12 @@ def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:  # pragma: no 
     return out
 
 
+def _heights(rows: Float[np.ndarray, "r 3"], corners: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "r m"]:
+    """Heights of corners along each row; no matrix product, whose threads would wait for those of others."""
+    x, y, z = np.ascontiguousarray(corners.T)
+    return rows[:, :1] * x + rows[:, 1:2] * y + rows[:, 2:] * z
+
+
 def _within_reach(
     corners: Float[np.ndarray, "m 3"], frames: Float[np.ndarray, "k 3 3"], angle: float
 ) -> Float[np.ndarray, "c 3"]:
@@ -157,7 +163,7 @@ def _within_reach(
 
     The corners lie within sqrt(3) of the origin, so no height changes by more than sqrt(3) times the angle.
     """
-    heights = frames.reshape(-1, 3) @ corners.T
+    heights = _heights(frames.reshape(-1, 3), corners)
     slack = 2.0 * np.sqrt(3.0) * angle
     near = (heights >= heights.max(axis=1, keepdims=True) - slack) | (
         heights <= heights.min(axis=1, keepdims=True) + slack
