@@ -89,14 +89,14 @@ class RefineSettings:
     points_per_many: int = 28
     fewest_points: int = 1500
     denser: float = 2.0
-    points_at_end: int = 8000
+    points_at_end: int = 16_000
     renew_every: int = 5
     renew_many_every: int = 3
     many: int = 80
     check_every: int = 10
     least_gain: float = 0.01
     noise: float = 0.35
-    least_gain_in_noise: float = 0.03
+    least_gain_in_noise: float = 0.015
 
 
 # Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
