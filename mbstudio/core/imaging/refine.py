@@ -89,7 +89,7 @@ class RefineSettings:
     points_per_many: int = 28
     fewest_points: int = 1500
     denser: float = 2.0
-    points_at_end: int = 16_000
+    points_at_end: int = 8000
     renew_every: int = 5
     renew_many_every: int = 3
     many: int = 80
@@ -254,8 +254,9 @@ class Refinement:
         settings, prepared = self.settings, self.prepared
         if settings.area_weight <= 0 or self.rms() < settings.area_noise * prepared.fineness:
             return False
-        follows = self._are_many() and prepared.fineness >= prepared.voxel
-        wanted = prepared.area * (1 - (settings.area_slack_of_many if follows else settings.area_slack))
+        averaged_in_blocks = prepared.fineness < prepared.voxel
+        of_many = self._are_many() and not averaged_in_blocks
+        wanted = prepared.area * (1 - (settings.area_slack_of_many if of_many else settings.area_slack))
         if not np.isfinite(wanted) or (area := mesh_area(self.control, 64)) >= wanted:
             return False
         self._wanted_area = min(wanted, area * (1 + settings.most_area_gain))
