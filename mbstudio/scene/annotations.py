@@ -1,4 +1,4 @@
-"""A scale bar with its unit, which follows the zoom."""
+"""Size and directions in a picture: a scale bar with its unit, and the axes in the corner."""
 
 from __future__ import annotations
 
@@ -32,6 +32,20 @@ def readable_length(length: float, unit: str) -> str:
         if metres >= METRES_PER_UNIT[name] * (1 - 1e-9):
             return f"{metres / METRES_PER_UNIT[name]:.4g} {unit_label(name)}"
     return f"{length:g} {unit_label(unit)}"
+
+
+def _update_before_rendering(renderer: Any, part: ScaleBar | CornerAxes) -> int:
+    """Have a part follow the camera and the picture's size; return the observer's number."""
+    # The renderer must not keep the part alive: VTK's observers and Python's references
+    # would form a ring that outlives the window.
+    known = weakref.ref(part)
+
+    def follow(*_: object) -> None:
+        alive = known()
+        if alive is not None:
+            alive.update()
+
+    return int(renderer.AddObserver("StartEvent", follow))
 
 
 class ScaleBar:
@@ -75,16 +89,7 @@ class ScaleBar:
         for actor in (self._line, self._text):
             actor.PickableOff()
             self._renderer.AddViewProp(actor)
-        # The renderer must not keep this object alive: VTK's observers and Python's references
-        # would form a ring that outlives the window.
-        bar = weakref.ref(self)
-
-        def follow(*_: object) -> None:
-            alive = bar()
-            if alive is not None:
-                alive.update()
-
-        self._observer = self._renderer.AddObserver("StartEvent", follow)
+        self._observer = _update_before_rendering(self._renderer, self)
 
     def recolour(self, colour: str) -> None:
         """Draw bar and text in another colour."""
@@ -125,14 +130,64 @@ class ScaleBar:
             self._renderer.RemoveViewProp(actor)
 
 
-def colour_axes(renderer: Any, theme: SceneTheme) -> None:
-    """Give the axes in the corner the theme's colours."""
-    axes = getattr(renderer, "axes_actor", None)
-    if axes is None:
-        return
-    ink = tuple(channel / 255 for channel in rgb(theme.ink))
-    for name, colour in zip("XYZ", theme.axes, strict=True):
-        share = tuple(channel / 255 for channel in rgb(colour))
-        for part in ("Shaft", "Tip"):
-            getattr(axes, f"Get{name}Axis{part}Property")().SetColor(*share)
-        getattr(axes, f"Get{name}AxisCaptionActor2D")().GetCaptionTextProperty().SetColor(*ink)
+class CornerAxes:
+    """The directions of x, y and z in the lower left corner, of the same size in every window.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+    """
+
+    SIDE = 120  # pixels at scale 1
+    SCALE = 1.5  # half that side, in lengths of an axis
+    TEXT = 15
+
+    def __init__(self, plotter: pv.BasePlotter) -> None:
+        self.pixel_ratio = 1.0
+        self._renderer: Any = plotter.renderer
+        self._axes = self._renderer.add_axes(line_width=3)
+        self._axes.SetNormalizedLabelPosition(1.45, 1.45, 1.45)
+        for caption in self._captions():
+            # By default the letters grow with the frame and stand off to the upper right.
+            caption.GetTextActor().SetTextScaleModeToNone()
+            look = caption.GetCaptionTextProperty()
+            look.ItalicOff()
+            look.ShadowOff()
+            look.BoldOn()
+            look.SetJustificationToCentered()
+            look.SetVerticalJustificationToCentered()
+        self._observer = _update_before_rendering(self._renderer, self)
+
+    def _captions(self) -> list[Any]:
+        return [getattr(self._axes, f"Get{name}AxisCaptionActor2D")() for name in "XYZ"]
+
+    def update(self) -> None:
+        """Keep size and place whatever the size of the picture."""
+        width, height = self._renderer.GetSize()
+        if min(width, height) < 2:
+            return
+        side = self.SIDE * self.pixel_ratio
+        widget = self._renderer.axes_widget
+        widget.SetViewport(0, 0, min(side / width, 1), min(side / height, 1))
+        # The widget chose its scale once, for the shape that the picture had then.
+        widget.GetRenderer().GetActiveCamera().SetParallelScale(self.SCALE)
+        for caption in self._captions():
+            caption.GetCaptionTextProperty().SetFontSize(round(self.TEXT * self.pixel_ratio))
+            caption.SetPosition(-3 * self.pixel_ratio, -3 * self.pixel_ratio)
+
+    def recolour(self, theme: SceneTheme) -> None:
+        """Draw axes and letters in a theme's colours."""
+        ink = tuple(channel / 255 for channel in rgb(theme.ink))
+        for name, colour in zip("XYZ", theme.axes, strict=True):
+            share = tuple(channel / 255 for channel in rgb(colour))
+            for part in ("Shaft", "Tip"):
+                look = getattr(self._axes, f"Get{name}Axis{part}Property")()
+                look.SetColor(*share)
+                look.SetAmbient(0.0)
+                look.LightingOff()
+        for caption in self._captions():
+            caption.GetCaptionTextProperty().SetColor(*ink)
+
+    def remove(self) -> None:
+        """Let go of the renderer, which removes the axes itself."""
+        self._renderer.RemoveObserver(self._observer)

@@ -15,7 +15,7 @@ import pyvista as pv
 from jaxtyping import Float, UInt8
 
 from mbstudio.scene import camera
-from mbstudio.scene.annotations import ScaleBar, colour_axes
+from mbstudio.scene.annotations import CornerAxes, ScaleBar
 from mbstudio.scene.camera import VIEWS, View
 from mbstudio.scene.clip_box import ClipBox
 from mbstudio.scene.deviation_map import DeviationMap, DeviationSurface
@@ -78,7 +78,9 @@ class Scene:
         self.measurements = Measurements(self._renderer, theme, unit)
         self.clip = ClipBox(self.plotter, theme)
         self.columns = SideBySide(self.plotter, theme, unit)
-        self.plotter.add_axes(line_width=3, labels_off=False, viewport=(0, 0, 0.13, 0.17))
+        self._corner = CornerAxes(self.plotter)
+        scale = self._deviation.scale
+        self._overlays = (self.columns, self._bar, scale, self.measurements, self.clip, self._corner)
         self.set_theme(theme)
 
     # ---- what is shown ------------------------------------------------------------------
@@ -252,9 +254,8 @@ class Scene:
         self._renderer.set_background(theme.bottom, top=theme.top)
         self._bar.recolour(theme.ink)
         self._deviation.scale.recolour(theme.ink)
-        self.measurements.recolour(theme)
-        self.clip.recolour(theme)
-        self.columns.recolour(theme)
+        for part in (self.measurements, self.clip, self.columns, self.gallery, self._corner):
+            part.recolour(theme)
         if self._box is not None:
             self._box.prop.color = theme.ink
         if self.slices is not None:
@@ -266,8 +267,6 @@ class Scene:
             self._overviews.others.prop.color = theme.grain
         for layer in LABELLED:
             self._overviews.colour(layer, self.theme, self.chosen)
-        self.gallery.recolour(theme)
-        colour_axes(self._renderer, theme)
 
     def flatten(self, layer: Layer, colour: str, background: str) -> None:
         """Show one layer alone in one flat colour: its silhouette, for measuring pictures."""
@@ -284,7 +283,7 @@ class Scene:
 
     def set_pixel_ratio(self, ratio: float) -> None:
         """Tell how many pixels of the picture one of the screen's units is, for text and lines."""
-        for part in (self._bar, self._deviation.scale, self.measurements, self.clip, self.columns):
+        for part in self._overlays:
             part.pixel_ratio = ratio
 
     # ---- camera -------------------------------------------------------------------------
@@ -396,5 +395,5 @@ class Scene:
     def close(self) -> None:
         """Let go of the plotter's objects; the plotter itself is closed by its owner."""
         self.clear()
-        for part in (self.columns, self._bar, self._deviation.scale, self.measurements, self.clip):
+        for part in self._overlays:
             part.remove()
