@@ -15,6 +15,7 @@ from mbstudio.core.metrics.crofton import corrected_crofton_area
 from mbstudio.core.metrics.mass import volume_integrals, voxel_integrals
 from mbstudio.core.metrics.surfaces import VerticesFaces, avatar_surface, checked_mesh, surface_area
 from mbstudio.core.metrics.voxel_surface import checked_grain, voxel_outline
+from mbstudio.core.threads import one_thread
 from mbstudio.core.units import parse_unit
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class MeasuredBody:
     warning: str = ""
 
 
+@one_thread()
 def measured_body(
     body: Grain | Avatar | trimesh.Trimesh, unit: str | None = None, surface: VoxelSurface | None = None
 ) -> MeasuredBody:

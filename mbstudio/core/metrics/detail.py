@@ -18,6 +18,7 @@ from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.harmonics import band_energies
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
+from mbstudio.core.threads import one_thread
 from mbstudio.core.units import conversion_factor, parse_unit
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def detail_in_unit(measured: DetailedFactors, unit: str) -> DetailedFactors:
     )
 
 
+@one_thread()
 def detailed_factors(body: MeasuredBody) -> DetailedFactors:
     """Return the detailed factors of a body that :func:`measured_body` prepared."""
     vertices, faces = body.outline

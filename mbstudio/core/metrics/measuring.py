@@ -25,6 +25,7 @@ from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, VoxelSurface, m
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.projection import maximum_projection
 from mbstudio.core.metrics.shape_factors import ShapeFactors
+from mbstudio.core.threads import one_thread
 from mbstudio.core.units import conversion_factor, parse_unit
 
 if TYPE_CHECKING:
@@ -107,6 +108,7 @@ def bounding_box(
     return smallest_box(measured_body(body, unit, surface))
 
 
+@one_thread()
 def smallest_box(body: MeasuredBody) -> BoundingBox:
     """Return the oriented bounding box of least volume of a body that :func:`measured_body` prepared."""
     return _box(body, convex_hull(body.outline[0]), None)
@@ -129,6 +131,7 @@ def in_unit(measured: ShapeFactors, unit: str) -> ShapeFactors:
     )
 
 
+@one_thread()
 def core_factors(
     body: MeasuredBody, axes: AxisConvention = "obb", along: Float[np.ndarray, "3 3"] | None = None
 ) -> ShapeFactors:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.features import Scaler, character
 from mbstudio.core.vae.joining import held_together
 from mbstudio.core.vae.networks import apply_network, network_shapes
@@ -18,7 +19,6 @@ from mbstudio.core.vae.radii import direction_exchange, log_radii
 from mbstudio.core.vae.sampling import bands_of
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.shape_model import Preset, Tensors
-from mbstudio.core.vae.threads import one_thread
 from mbstudio.core.vae.training_data import TrainingData
 
 RADII = 144

@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.threads import one_thread
 from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.features import Scaler, clone_names
 from mbstudio.core.vae.networks import LEAK, apply_network, network_shapes
 from mbstudio.core.vae.radii import outermost_radii
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.shape_model import Preset, Tensors
-from mbstudio.core.vae.threads import one_thread
 from mbstudio.core.vae.training_data import TrainingData
 
 LATENTS = 128

@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.features import Scaler, character, parity_parts
 from mbstudio.core.vae.joining import held_together
 from mbstudio.core.vae.radii import surface_rms
 from mbstudio.core.vae.sampling import bands_of
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.shape_model import Preset, Tensors
-from mbstudio.core.vae.threads import one_thread
 from mbstudio.core.vae.training_data import TrainingData
 
 LATENTS = 107

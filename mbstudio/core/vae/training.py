@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Int
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.model_card import ModelCard, library_versions
 from mbstudio.core.vae.radii import surface_rms
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.shape_model import Preset, ShapeModel, Tensors, model_kind
 from mbstudio.core.vae.style_learner import StyleLearner
-from mbstudio.core.vae.threads import one_thread
 from mbstudio.core.vae.training_data import TrainingData
 from mbstudio.core.vae.training_step import Losses, TrainingStep
 
