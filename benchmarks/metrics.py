@@ -4,7 +4,7 @@ Prints markdown tables. Voxel grains: six solids with known answers in random ro
 (benchmarks/known_solids.py). Other packages are measured in the same run where they are installed
 (``pip install -e .[benchmark]``).
 
-Run: ``OMP_NUM_THREADS=1 python benchmarks/metrics.py [--quick] [section ...]``.
+Run: ``python benchmarks/metrics.py [--quick] [section ...]``.
 """
 
 from __future__ import annotations
