@@ -7,7 +7,8 @@ from grain_kinds import KnownGrain
 from imaging_scores import surface_distances, timed_fit
 
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
-from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.refine import Refinement
+from mbstudio.core.imaging.refine_settings import RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 
 

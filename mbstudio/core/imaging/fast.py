@@ -20,7 +20,8 @@ from mbstudio.core.imaging.guard import (
 )
 from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import Cavities
-from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.refine import Refinement
+from mbstudio.core.imaging.refine_settings import RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.sphere_clustering import Sphere

@@ -13,8 +13,6 @@ out. This search therefore minimises, in the working frame, the sum of squares o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float64
 
@@ -29,75 +27,9 @@ from mbstudio.core.imaging.levenberg_marquardt import (
     weighted_sums_of_rows,
 )
 from mbstudio.core.imaging.preprocess import PreparedGrain
+from mbstudio.core.imaging.refine_settings import RefineSettings
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import mesh_area, volume_and_area
-
-
-@dataclass(frozen=True)
-class RefineSettings:
-    """Constants of the fast search; lengths are in working lengths (RMS radius 1).
-
-    Attributes
-    ----------
-    steepness_floor, steepness_roof : float
-        Bounds of g = abs(grad f) / f; a higher floor makes the search more cautious where f is flat.
-    start_damping : float
-        Lambda of the first step.
-    tip_weight, interior_weight, depth_weight, volume_weight, area_weight : float
-        Weights of the tips (of their squares), of the hinges and of the volume and area rows against the
-        surface rows.
-    area_slack, area_slack_of_many, most_area_gain : float
-        The area row strives for the hull's area less this share (steps of the voxels leave so
-        much on smooth surfaces; the second from `many` control points on, unless blocks of voxels
-        were averaged), but for no more than this share beyond what the avatar has.
-    area_stays : bool
-        Keep the area row at work once the area is right, which may not grow too large then either.
-    area_noise : float
-        Below an RMS of so many voxels the area row is left out: their steps add more to the hull's area.
-    curvature_roof : float
-        Bound of twice the mean curvature in the area row.
-    points_per_control, points_per_many, fewest_points : int
-        Surface points in use at a time: max(fewest_points, points_per_control * n); the second per control
-        point where there are `many`.
-    denser, points_at_end : float, int
-        Times as many in the last steps, while the area row is at work; so many where it is left out.
-    renew_every, renew_many_every, many, check_every : int
-        Steps after which the next subset of points is taken and the volume measured anew, the second from so
-        `many` control points on, unless voxels are few or long; and after which progress over all hull points
-        decides whether to stop.
-    least_gain : float
-        Relative gain of the RMS between checks that counts as progress; two without end the search.
-    noise, least_gain_in_noise : float
-        Below an RMS of `noise` times the grain's fineness one check with less gain than this ends the search.
-    """
-
-    steepness_floor: float = 0.7
-    steepness_roof: float = 10.0
-    start_damping: float = 0.1
-    tip_weight: float = 0.03
-    interior_weight: float = 0.5
-    depth_weight: float = 0.5
-    volume_weight: float = 3.0
-    area_weight: float = 1.0
-    area_slack: float = 0.004
-    area_slack_of_many: float = 0.002
-    most_area_gain: float = 0.03
-    area_stays: bool = True
-    area_noise: float = 0.2
-    curvature_roof: float = 30.0
-    points_per_control: int = 25
-    points_per_many: int = 28
-    fewest_points: int = 1500
-    denser: float = 2.0
-    points_at_end: int = 8000
-    renew_every: int = 5
-    renew_many_every: int = 3
-    many: int = 80
-    check_every: int = 10
-    least_gain: float = 0.01
-    noise: float = 0.35
-    least_gain_in_noise: float = 0.015
-
 
 # Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
 # gradients of the signed distance at the control points, volume row.
@@ -270,7 +202,8 @@ class Refinement:
         if scale is None:
             steepness = np.empty_like(field)
             steepness_of_rows(self._surface, control, steepness)
-            scale = 2 / np.clip(steepness, self.settings.steepness_floor, self.settings.steepness_roof)
+            roof = self.settings.steepness_roof_for(control.shape[1])
+            scale = 2 / np.clip(steepness, self.settings.steepness_floor, roof)
             self._scale = scale
         return scale * (1 - field**-0.5), field
 

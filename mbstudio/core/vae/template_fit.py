@@ -10,7 +10,8 @@ from jaxtyping import Float, Float64
 
 from mbstudio.core.imaging.guard import lies_outside, wrongly_empty
 from mbstudio.core.imaging.preprocess import PreparedGrain
-from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.refine import Refinement
+from mbstudio.core.imaging.refine_settings import RefineSettings
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
@@ -77,6 +78,7 @@ class FittedBody:
 
 # No tips: they would draw control points that all bodies share to what is one body's own.
 _SEARCH = RefineSettings(
+    steepness_roof_of_few=10.0,
     tip_weight=0.0,
     area_slack=0.0035,
     area_slack_of_many=0.0035,

@@ -10,7 +10,8 @@ from mbstudio.core.imaging import fit, relocation
 from mbstudio.core.imaging.depths import least_depths
 from mbstudio.core.imaging.levenberg_marquardt import curvature_of_rows
 from mbstudio.core.imaging.preprocess import prepare
-from mbstudio.core.imaging.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.refine import Refinement
+from mbstudio.core.imaging.refine_settings import RefineSettings
 from mbstudio.core.imaging.relocation import relocate
 from mbstudio.core.metaball.surface import mesh_area
 from mbstudio.core.units import VoxelSize
