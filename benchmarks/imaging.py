@@ -1,6 +1,6 @@
 """How true and how fast Metaball-Imaging is; prints Markdown tables.
 
-Usage: python benchmarks/imaging.py [synthetic] [real] [speed] [paper] [paper_all] [floor]
+Usage: python benchmarks/imaging.py [synthetic] [real] [speed] [paper] [paper_all] [floor] [plain]
        [sand [--grains N] [--seed S]] [--quick]
 
 Lengths are in percent of the nominal diameter D_n; CPU times are of one core, preparation
@@ -21,7 +21,7 @@ import numpy as np
 import trimesh
 from grain_kinds import KnownGrain, synthetic
 from imaging_factors import factor_table
-from imaging_floor import floor
+from imaging_floor import against_plain, floor
 from imaging_paper import against_paper
 from imaging_scores import score, timed_fit
 from imaging_speed import sand, speed
@@ -136,6 +136,8 @@ def main() -> None:
         grains = synthetic(side, 2)
         floor([known for known in grains if known.kind in ("cobble", "concave")])
         floor([known for known in grains if known.kind == "angular"], n=120, starts=10)
+    if "plain" in chosen.tables:
+        against_plain([known for known in synthetic(side) if known.kind == "angular"])
 
 
 if __name__ == "__main__":

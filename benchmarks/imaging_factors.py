@@ -35,11 +35,26 @@ def errors_of(known: KnownGrain, result: FitResult) -> list[float] | None:
     return errors + [100 * distance / true.dn for distance in distances]
 
 
+def print_other_boxes(
+    fits: list[tuple[KnownGrain, int, FitResult]], errors: list[list[float] | None]
+) -> None:
+    """Name the grains whose avatar has quite another CSF, with the CSF of the voxels that were fitted."""
+    for (known, n, result), one in zip(fits, errors, strict=True):
+        if one is None or one[FACTORS.index("csf")] <= 5:
+            continue
+        true = measure(known.truth, unit=known.grain.unit).csf
+        others = {"voxels": measure(known.grain).csf, "avatar": measure(result.avatar).csf}
+        found = ", ".join(
+            f"{name} {csf:.3f} ({100 * (csf / true - 1):+.1f} %)" for name, csf in others.items()
+        )
+        print(f"CSF of {known.name}, n = {n}: mesh {true:.3f}, {found}")
+
+
 def factor_table(title: str, fits: list[tuple[KnownGrain, int, FitResult]]) -> None:
     """Print medians and 95th percentiles over the grains, one row an n."""
-    rows = []
+    rows, measured = [], [errors_of(known, result) for known, _, result in fits]
     for n in dict.fromkeys(asked for _, asked, _ in fits):
-        found = [errors_of(known, result) for known, asked, result in fits if asked == n]
+        found = [one for (_, asked, _), one in zip(fits, measured, strict=True) if asked == n]
         errors = np.array([one for one in found if one is not None])
         if not len(errors):
             continue
@@ -51,3 +66,5 @@ def factor_table(title: str, fits: list[tuple[KnownGrain, int, FitResult]]) -> N
         f"| n | grains measured | {' | '.join(TITLES)} |\n|{'---|' * (len(TITLES) + 2)}\n" + "\n".join(rows),
         flush=True,
     )
+    print()
+    print_other_boxes(fits, measured)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from grain_kinds import KnownGrain
-from imaging_scores import surface_distances, timed_fit
+from imaging_scores import score, surface_distances, timed_fit
 
+from mbstudio.core.imaging import fast
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.refine import Refinement
 from mbstudio.core.imaging.refine_settings import RefineSettings
@@ -51,3 +52,21 @@ def floor(grains: list[KnownGrain], n: int = 40, starts: int = 30) -> None:
             shown = (column[0], *np.percentile(column[1:], (0, 50, 100)))
             cells += [f"{value:.{digits}f}" for value in shown]
         print(f"| {known.name} | {' | '.join(cells)} |", flush=True)
+
+
+def against_plain(grains: list[KnownGrain], n: int = 120) -> None:
+    """Print what the fast method and a plain search leave at corners, median and largest over the grains."""
+    plain = RefineSettings(tip_weight=0.0, area_weight=0.0)
+    print(
+        f"\n### Edges and corners, {len(grains)} {grains[0].kind} grains, n = {n}: the fast method, and a "
+        "plain search (no weight for tips and area, no control point relocated)\n\n"
+        "| search | dA % | Chamfer | Hausdorff (max) |\n|---|---|---|---|"
+    )
+    fewest = fast._FEWEST_TO_RELOCATE
+    for name, settings, relocated_from in (("plain", plain, n + 1), ("fast", RefineSettings(), fewest)):
+        fast._FEWEST_TO_RELOCATE = relocated_from
+        found = [score(known, *timed_fit(known.grain, n, refine=settings)) for known in grains]
+        area, near, far = (np.array([one[key] for one in found]) for key in ("dA", "chamfer", "hausdorff"))
+        cells = f"{np.median(area):+.2f} | {np.median(near):.3f} | {np.median(far):.2f} ({far.max():.2f})"
+        print(f"| {name} | {cells} |")
+    fast._FEWEST_TO_RELOCATE = fewest

@@ -32,10 +32,10 @@ class _Blas:
 
     def enter(self) -> None:
         with self._lock:
-            self._blocks += 1
-            if self._blocks == 1:
+            if self._blocks == 0:
                 _let_this_thread_set()
                 self._limit = _controller().limit(limits={"blas": 1})
+            self._blocks += 1
 
     def leave(self) -> None:
         with self._lock:
