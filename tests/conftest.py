@@ -1,6 +1,6 @@
 """The frame of the suite: headless rendering set before any Qt or VTK import, shared fixtures.
 
-``--full`` also runs the slow tests. Tests marked ``gl`` drive the real OpenGL viewport and need
+``--full`` also runs the slow tests, and hypothesis with other examples each time. Tests marked ``gl`` drive the real OpenGL viewport and need
 an X server: ``tests/test_gl_suite.py`` runs them in a pytest of their own under Xvfb, which sets
 ``MBSTUDIO_GL_TESTS``; in the ordinary run they are skipped.
 """
@@ -55,14 +55,17 @@ for _module in ("PySide6", "vtkmodules", "pyvista"):
         raise RuntimeError(f"{_module} was imported before tests/conftest.py set the headless environment.")
 _set_headless_environment()
 
-hypothesis.settings.register_profile("mbstudio", deadline=None)
-hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, database=None)
-hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "mbstudio")
+hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
+hypothesis.settings.register_profile("random", deadline=None)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="also run the tests that are slow or large")
     parser.addoption("--images", metavar="FOLDER", help="keep the pictures of the window's stations there")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    hypothesis.settings.load_profile("random" if config.getoption("--full") else "repeatable")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -7,7 +7,7 @@ from jaxtyping import Float64
 from numba import njit
 
 from mbstudio.core.vae.meaning_factors import MEANINGS, departures, departures_back, share_of_sphere
-from mbstudio.core.vae.radii import directions, outermost_radii
+from mbstudio.core.vae.radii import SMALLEST_RADIUS, directions, outermost_radii
 from mbstudio.core.vae.serialization import Serialization
 from mbstudio.core.vae.star_factors import star_directions
 
@@ -31,7 +31,7 @@ def factors_and_slopes(
     Notes
     -----
     A surface point at radius r along a direction moves by ``dr = -df / (df / dr)`` when the field there
-    changes by df.
+    changes by df. Where a ray meets no solid the radius is fixed, and moves with nothing.
     """
     along, faces = star_directions()
     rays = directions()
@@ -131,6 +131,8 @@ def _by_points(control, along, radii, by_radii, out):  # pragma: no cover - comp
     n, rows = control.shape[1], by_radii.shape[0]
     slopes = np.empty((4, n))
     for v in range(len(along)):
+        if radii[v] <= SMALLEST_RADIUS:
+            continue
         steep = 0.0
         for i in range(n):
             square = along_it = 0.0
@@ -144,8 +146,8 @@ def _by_points(control, along, radii, by_radii, out):  # pragma: no cover - comp
                 slopes[x, i] *= 2.0 * pull / square
             slopes[3, i] = pull
             steep -= 2.0 * pull / square * along_it
-        # On a ray that grazes the surface the radius has no derivative.
-        if steep > -1e-3:
+        # On a ray that touches the surface, no more, the radius has no derivative.
+        if steep > -1e-9:
             continue
         for row in range(rows):
             share = -by_radii[row, v] / steep

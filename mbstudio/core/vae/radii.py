@@ -12,7 +12,8 @@ from mbstudio.core.metaball.rays import crossing_along
 from mbstudio.core.vae.serialization import FLIPS, Serialization
 
 _IN_OCTANT = 18
-_SMALLEST = 0.02
+SMALLEST_RADIUS = 0.02
+"""What stands for the radius along a ray that meets no solid, in the unit of the centers."""
 
 
 @cache
@@ -95,7 +96,7 @@ def outermost_radii(
     control[:, 3] = np.exp(log_weights)
     out = np.empty((len(control), len(along)))
     _outermost(control, along, out)
-    return np.maximum(out, _SMALLEST)
+    return np.maximum(out, SMALLEST_RADIUS)
 
 
 def log_radii(avatars: Serialization) -> Float64[np.ndarray, "avatars 144"]:
