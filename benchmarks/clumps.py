@@ -36,7 +36,7 @@ import numpy as np
 import trimesh
 from grain_kinds import KnownGrain, synthetic
 
-from mbstudio.core.dem.clump import Clump, sphere_clump
+from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
 from mbstudio.core.metaball import Avatar

@@ -24,12 +24,14 @@ import numpy as np
 from parents import Parents, load_parents, make_parents
 
 from mbstudio.core.populations import PAPER_FACTORS, Population
-from mbstudio.core.vae import Serialization, StyleLearner, learn
-from mbstudio.core.vae.generation import Generation
-from mbstudio.core.vae.generator import generate
-from mbstudio.core.vae.learning_on import learn_on
-from mbstudio.core.vae.quality import PAPER_ERRORS, Quality, ahead_of_paper, assess
-from mbstudio.core.vae.radii import surface_rms
+from mbstudio.core.vae.generate.generation import Generation
+from mbstudio.core.vae.generate.generator import generate
+from mbstudio.core.vae.generate.quality import PAPER_ERRORS, Quality, ahead_of_paper, assess
+from mbstudio.core.vae.models.learning_on import learn_on
+from mbstudio.core.vae.models.radii import surface_rms
+from mbstudio.core.vae.models.style_learner import StyleLearner
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.serialize.serialization import Serialization
 
 
 @dataclass(frozen=True)

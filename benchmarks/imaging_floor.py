@@ -6,11 +6,10 @@ import numpy as np
 from grain_kinds import KnownGrain
 from imaging_scores import score, surface_distances, timed_fit
 
-from mbstudio.core.imaging import fast
+from mbstudio.core.imaging.fast import fast
+from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.fast.relocation import relocate
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
-from mbstudio.core.imaging.refine import Refinement
-from mbstudio.core.imaging.refine_settings import RefineSettings
-from mbstudio.core.imaging.relocation import relocate
 
 
 def long_search(prepared: PreparedGrain, n: int, rng: np.random.Generator) -> Refinement:

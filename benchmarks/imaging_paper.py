@@ -11,8 +11,7 @@ from imaging_scores import score, timed_fit
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult
-from mbstudio.core.imaging.gradient_search import PaperFit
-from mbstudio.core.imaging.paper_options import PaperOptions
+from mbstudio.core.imaging.paper.gradient_search import PaperFit, PaperOptions
 
 
 def converged_paper_fit(

@@ -21,12 +21,13 @@ import numpy as np
 from parents import load_parents
 
 from mbstudio.core.metaball.topology import topology
-from mbstudio.core.vae import StyleLearner, learn
-from mbstudio.core.vae.latent import added, morphed, noisy
-from mbstudio.core.vae.meaning import Meanings
-from mbstudio.core.vae.meaning_factors import MEANINGS
-from mbstudio.core.vae.radii import log_radii
-from mbstudio.core.vae.star_factors import STAR_FACTORS, star_factors
+from mbstudio.core.metrics.star_factors import STAR_FACTORS, star_factors
+from mbstudio.core.vae.models.radii import log_radii
+from mbstudio.core.vae.models.style_learner import StyleLearner
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.shaping.latent import added, morphed, noisy
+from mbstudio.core.vae.shaping.meaning import Meanings
+from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
 BASES, SUMS, DESIGNS = 20, 60, 60
 SIGMAS = (0.1, 0.3, 0.5, 0.7, 0.9, 1.2)

@@ -21,12 +21,13 @@ from parents import load_parents
 
 from mbstudio.core.metaball.surface import sample_solid, volume_and_area
 from mbstudio.core.metaball.topology import topology
-from mbstudio.core.vae import StyleLearner, learn
-from mbstudio.core.vae.latent import interpolated
-from mbstudio.core.vae.latent_recipe import Operation, carried_out
-from mbstudio.core.vae.live_grain import live_grain, quick_surface
-from mbstudio.core.vae.meaning import Meanings
-from mbstudio.core.vae.meaning_factors import meaning_factors
+from mbstudio.core.vae.models.style_learner import StyleLearner
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.shaping.latent import interpolated
+from mbstudio.core.vae.shaping.latent_recipe import Operation, carried_out
+from mbstudio.core.vae.shaping.live_grain import live_grain, quick_surface
+from mbstudio.core.vae.shaping.meaning import Meanings
+from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
 
 
 def milliseconds(work: Callable[[np.ndarray], object], vectors: np.ndarray) -> tuple[float, float]:

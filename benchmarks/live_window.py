@@ -32,8 +32,9 @@ from PySide6.QtCore import QCoreApplication, QEvent, QEventLoop, QPointF, QSetti
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication
 
-from mbstudio.core.vae import StyleLearner, learn
-from mbstudio.ui.main_window import MainWindow
+from mbstudio.core.vae.models.style_learner import StyleLearner
+from mbstudio.core.vae.models.training import learn
+from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.theme import Theme
 
 MOUSE, BEAT = 16, 5

@@ -23,8 +23,7 @@ from grain_kinds import cobble
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.vae import Serialization
-from mbstudio.core.vae.serialization_file import serialization_arrays, serialization_of
+from mbstudio.core.vae.serialize.serialization import Serialization, serialization_arrays, serialization_of
 
 DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
 
@@ -189,7 +188,7 @@ def load_parents(folder: str | Path, name: str) -> Parents:
 
 def make_parents(name: str, folder: Path, n: int) -> Parents:
     """Make, serialize and measure a population unless it is on disk already."""
-    from mbstudio.core.vae.serializer import serialize
+    from mbstudio.core.vae.serialize.serializer import serialize
 
     path = folder / f"{name}.npz"
     if not path.exists():

@@ -34,9 +34,9 @@ from PySide6.QtWidgets import QApplication
 from mbstudio.core.grains import load_labels
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.scene.gallery import tray_surface
-from mbstudio.ui.collection import pause_collection, resume_collection
-from mbstudio.ui.main_window import MainWindow
+from mbstudio.scene.layers.gallery import tray_surface
+from mbstudio.ui.shell.collection import pause_collection, resume_collection
+from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.workers import Task
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult, fit, start_fit
-from mbstudio.core.imaging.likeness import Likeness
-from mbstudio.scene.paper_figures import KINDS, typical_grain
+from mbstudio.core.imaging.goals.likeness import Likeness
+from mbstudio.scene.figures.paper_figures import KINDS, typical_grain
 
 DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
 NUMBERS = (10, 20, 40, 80, 160)

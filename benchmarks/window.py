@@ -24,18 +24,18 @@ SHAPE = (400, 358, 358)
 
 START = """
 import json, resource, sys, time
-from mbstudio.ui.collection import pause_collection
+from mbstudio.ui.shell.collection import pause_collection
 pause_collection()  # as the command line does
 from pathlib import Path
 from PySide6.QtCore import QTimer
-from mbstudio.ui import app
-from mbstudio.ui.memory import memory_used
+from mbstudio.ui.shell import app
+from mbstudio.ui.shell.memory import memory_used
 
 application = app.make_application()
 told = {}
 
 def window():
-    from mbstudio.ui.main_window import MainWindow
+    from mbstudio.ui.shell.main_window import MainWindow
     return next(w for w in application.topLevelWidgets() if isinstance(w, MainWindow))
 
 def usable():
@@ -74,9 +74,9 @@ CYCLES = """
 import gc, json, sys
 from pathlib import Path
 from PySide6.QtCore import QCoreApplication
-from mbstudio.ui import app
-from mbstudio.ui.main_window import MainWindow
-from mbstudio.ui.memory import memory_used
+from mbstudio.ui.shell import app
+from mbstudio.ui.shell.main_window import MainWindow
+from mbstudio.ui.shell.memory import memory_used
 from mbstudio.ui.theme import Theme
 
 application = app.make_application()

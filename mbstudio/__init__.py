@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from mbstudio.core.metrics import ShapeFactors, measure
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan, open_scan
-    from mbstudio.core.vae import StyleLearner, generate, learn, load_style_learner, serialize
+    from mbstudio.core.vae.generate.generator import generate
+    from mbstudio.core.vae.models.style_learner import StyleLearner, load_style_learner
+    from mbstudio.core.vae.models.training import learn
+    from mbstudio.core.vae.serialize.serializer import serialize
 
 _HOME_OF = {
     "Avatar": "metaball",
@@ -31,17 +34,17 @@ _HOME_OF = {
     "Project": "project",
     "Scan": "scan",
     "ShapeFactors": "metrics",
-    "StyleLearner": "vae",
+    "StyleLearner": "vae.models.style_learner",
     "export": "dem",
     "fit": "imaging",
-    "generate": "vae",
-    "learn": "vae",
+    "generate": "vae.generate.generator",
+    "learn": "vae.models.training",
     "load_labels": "grains",
-    "load_style_learner": "vae",
+    "load_style_learner": "vae.models.style_learner",
     "measure": "metrics",
     "open_scan": "scan",
     "segment": "grains",
-    "serialize": "vae",
+    "serialize": "vae.serialize.serializer",
     "start_fit": "imaging",
 }
 

@@ -1,6 +1,7 @@
 """The frame of the suite: headless rendering set before any Qt or VTK import, shared fixtures.
 
-``--full`` also runs the slow tests, and hypothesis with other examples each time. Tests marked ``gl`` drive the real OpenGL viewport and need
+``--full`` also runs the slow tests, and hypothesis with other
+examples each time. Tests marked ``gl`` drive the real OpenGL viewport and need
 an X server: ``tests/test_gl_suite.py`` runs them in a pytest of their own under Xvfb, which sets
 ``MBSTUDIO_GL_TESTS``; in the ordinary run they are skipped.
 """

@@ -27,8 +27,8 @@ QT = {
     "qtawesome",
 }
 RENDERING = {"pyvista", "pyvistaqt"}
-VAGUE = {"utils", "util", "helpers", "helper", "misc", "common", "tools"}
-LONGEST_FILE = 400
+VAGUE = {"utils", "util", "helpers", "helper", "misc", "common"}
+LONGEST_FILE = 700
 
 
 def module_name(path: Path) -> str:

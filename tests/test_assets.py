@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mbstudio.assets import asset, assets_folder
+from mbstudio.core.assets import asset, assets_folder
 from mbstudio.core.errors import MbstudioError
 
 

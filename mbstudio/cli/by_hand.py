@@ -13,8 +13,8 @@ from mbstudio.core.errors import StyleError
 if TYPE_CHECKING:
     import numpy as np
 
-    from mbstudio.core.vae import StyleLearner
-    from mbstudio.core.vae.meaning import Design, Meanings
+    from mbstudio.core.vae.models.style_learner import StyleLearner
+    from mbstudio.core.vae.shaping.meaning import Design, Meanings
 
 TABLE = "latents.csv"
 _TOLERANCE = 0.02
@@ -36,7 +36,7 @@ class ByHand:
     @cached_property
     def meanings(self) -> Meanings:
         """The meaning directions of the learner."""
-        from mbstudio.core.vae.meaning import Meanings
+        from mbstudio.core.vae.shaping.meaning import Meanings
 
         return Meanings.of(self.learner)
 
@@ -60,9 +60,9 @@ class ByHand:
         )
 
     def _of_file(self, path: Path) -> np.ndarray:
-        from mbstudio.core.dem.metaball import read_metaball
-        from mbstudio.core.vae.latent import projected
-        from mbstudio.core.vae.mesh_folder import read_mesh
+        from mbstudio.core.dem.formats.metaball import read_metaball
+        from mbstudio.core.vae.serialize.mesh_folder import read_mesh
+        from mbstudio.core.vae.shaping.latent import projected
 
         if not inputs.is_mesh(path):
             return projected(self.learner, [read_metaball(path)])[0]
@@ -83,7 +83,7 @@ class ByHand:
         return self._of_this_size(path, vector)
 
     def _of_recipe(self, path: Path, name: str) -> np.ndarray:
-        from mbstudio.core.vae.latent_recipe import recipe_of, style_digest
+        from mbstudio.core.vae.shaping.latent_recipe import recipe_of, style_digest
 
         try:
             records = json.loads(path.read_text(encoding="utf-8"))
@@ -117,27 +117,27 @@ class ByHand:
 
     def interpolated(self, first: str, second: str, steps: int) -> np.ndarray:
         """Return a morph."""
-        from mbstudio.core.vae.latent import morphed
+        from mbstudio.core.vae.shaping.latent import morphed
 
         return morphed(self.learner, self.latent(first), self.latent(second), steps)
 
     def added(self, base: str, plus: str, minus: str, strength: float) -> np.ndarray:
         """Return a grain with what makes one differ from another."""
-        from mbstudio.core.vae.latent import added
+        from mbstudio.core.vae.shaping.latent import added
 
         third, first, second = (self.latent(name) for name in (base, plus, minus))
         return added(self.learner, third, first, second, strength, meanings=self.meanings)[None]
 
     def blended(self, parts: list[str]) -> np.ndarray:
         """Return a weighted sum of grains, each as NAME=WEIGHT."""
-        from mbstudio.core.vae.latent import blended
+        from mbstudio.core.vae.shaping.latent import blended
 
         weights = [_number(part, "a grain with a weight: write for example 12=0.5") for part in parts]
         return blended(self.learner, self.taken([name for name, _ in weights]), [w for _, w in weights])[None]
 
     def varied(self, name: str, sigma: float, count: int) -> np.ndarray:
         """Return variations of a grain."""
-        from mbstudio.core.vae.latent import noisy
+        from mbstudio.core.vae.shaping.latent import noisy
 
         return noisy(self.learner, self.latent(name), sigma, self._seed, count)
 
@@ -145,7 +145,7 @@ class ByHand:
         """Return a grain moved along meanings; tell where it could not follow."""
         import numpy as np
 
-        from mbstudio.core.vae.meaning_factors import MEANINGS
+        from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
         if not by:
             raise StyleError("Say how to move the grain: --by csf=-1, in standard deviations of the parents.")
@@ -170,7 +170,7 @@ class ByHand:
 
 
 def _refusal(found: Design, targets: str) -> str:
-    from mbstudio.core.vae.form_bound import FLATTEST, highest_sphericity
+    from mbstudio.core.metrics.form_bound import FLATTEST, highest_sphericity
 
     reached = ", ".join(f"{name} {value:.4g}" for name, value in found.reached.items())
     if not found.is_possible(_TOLERANCE):

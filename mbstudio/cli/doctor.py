@@ -69,7 +69,7 @@ def doctor(as_json: inputs.JsonOption = False) -> None:
 
 
 def _display() -> str:
-    from mbstudio.scene.offscreen import has_display
+    from mbstudio.scene.pictures.offscreen import has_display
 
     return "yes" if has_display() else "none: pictures are rendered in memory"
 
@@ -95,7 +95,7 @@ def version_of(package: str) -> str | None:
 
 def ask_opengl() -> dict[str, Any]:
     """Render a picture in a process of its own; tell by what, or why it failed."""
-    from mbstudio.scene.offscreen import prepare_offscreen_rendering
+    from mbstudio.scene.pictures.offscreen import prepare_offscreen_rendering
 
     prepare_offscreen_rendering()
     try:

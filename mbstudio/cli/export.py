@@ -195,7 +195,7 @@ def choose_kept(
     ExportError
         If there is none, or none of a name.
     """
-    from mbstudio.core.vae.kept_grain import of_style, to_export
+    from mbstudio.core.vae.shaping.kept_grain import of_style, to_export
 
     style = project.state.style
     kept = of_style(project.state.kept, style)

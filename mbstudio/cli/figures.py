@@ -23,13 +23,13 @@ def figures(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Draw the paper's figures 2, 3, 5 and 6 from synthetic grains."""
-    from mbstudio.scene.offscreen import prepare_offscreen_rendering
+    from mbstudio.scene.pictures.offscreen import prepare_offscreen_rendering
 
     prepare_offscreen_rendering()
     if folder.exists() and not folder.is_dir():
         raise MbstudioError(f"{folder} is a file: give the name of a folder with --out.")
     folder.mkdir(parents=True, exist_ok=True)
-    from mbstudio.scene.paper_figures import FigurePlan, render_paper_figures
+    from mbstudio.scene.figures.paper_figures import FigurePlan, render_paper_figures
 
     begun = time.monotonic()
     with console.progress("Drawing figures") as report:

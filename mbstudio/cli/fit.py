@@ -90,8 +90,8 @@ def fit(
     project is saved with the avatars there are; the same command then goes on with the rest.
     """
     from mbstudio.core.grains import Grain
+    from mbstudio.core.imaging.goals.target import FitTarget
     from mbstudio.core.imaging.options import read_options
-    from mbstudio.core.imaging.target import FitTarget
     from mbstudio.core.project import FitSettings, Project
 
     begun = time.monotonic()
@@ -249,7 +249,7 @@ def summarise(
     """Return the figures of a batch: how many, how true, how long."""
     import numpy as np
 
-    from mbstudio.core.imaging.target import FitTarget
+    from mbstudio.core.imaging.goals.target import FitTarget
 
     volume_of = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
     diameters = [np.cbrt(6 / np.pi * volume_of[label]) for label in fits]

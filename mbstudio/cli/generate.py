@@ -13,9 +13,9 @@ from mbstudio.cli.measure import require_table_output
 from mbstudio.core.errors import GenerationError
 
 if TYPE_CHECKING:
-    from mbstudio.core.vae import StyleLearner
-    from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.quality import Quality
+    from mbstudio.core.vae.generate.generation import Generation
+    from mbstudio.core.vae.generate.quality import Quality
+    from mbstudio.core.vae.models.style_learner import StyleLearner
 
 TABLE = "factors.csv"
 
@@ -53,8 +53,8 @@ def generate(
     from mbstudio.core.batch.processes import usable_cores
     from mbstudio.core.dem.exporting import check_replaceable
     from mbstudio.core.dem.manifest import files_of_earlier_export
-    from mbstudio.core.vae import load_style_learner
-    from mbstudio.core.vae.generator import generate as generate_clones
+    from mbstudio.core.vae.generate.generator import generate as generate_clones
+    from mbstudio.core.vae.models.style_learner import load_style_learner
 
     begun = time.monotonic()
     if report is not None:
@@ -100,8 +100,8 @@ def _write(found: Generation, folder: Path, unit: str | None, overwrite: bool) -
 
 def _report(learner: StyleLearner, found: Generation, path: Path, name: str, processes: int) -> Quality:
     from mbstudio.core.populations import measure_population
-    from mbstudio.core.vae.quality import assess
-    from mbstudio.scene.generation_report import write_generation_report
+    from mbstudio.core.vae.generate.quality import assess
+    from mbstudio.scene.reports.generation_report import write_generation_report
 
     assert found.factors is not None
     parents = found.parent_factors

@@ -19,7 +19,7 @@ def gui(
     sample: Annotated[bool, typer.Option("--sample", help="Begin with the built-in sample scan.")] = False,
 ) -> None:
     """Open the window."""
-    from mbstudio.scene.offscreen import has_display
+    from mbstudio.scene.pictures.offscreen import has_display
 
     if sample and source is not None:
         raise MbstudioError(f"Give either --sample or {source}, not both.")
@@ -27,10 +27,10 @@ def gui(
         raise MbstudioError(f"{source} is not there: check the name and the folder.")
     if not has_display() and not os.environ.get("QT_QPA_PLATFORM"):
         raise MbstudioError("There is no display for a window: use 'mbstudio tour', or go to a desktop.")
-    from mbstudio.ui.collection import pause_collection
+    from mbstudio.ui.shell.collection import pause_collection
 
     pause_collection()
-    from mbstudio.ui.app import run
+    from mbstudio.ui.shell.app import run
 
     is_project = source is not None and inputs.is_project(source)
     raise typer.Exit(

@@ -15,7 +15,8 @@ from mbstudio.core.errors import StyleError
 if TYPE_CHECKING:
     import numpy as np
 
-    from mbstudio.core.vae import Serialization, StyleLearner
+    from mbstudio.core.vae.models.style_learner import StyleLearner
+    from mbstudio.core.vae.serialize.serialization import Serialization
 
 
 def latent(
@@ -77,7 +78,7 @@ def latent(
     before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, elongation, csf,
     sphericity and roughness. Without one of these options: what the style-learner knows.
     """
-    from mbstudio.core.vae import load_style_learner
+    from mbstudio.core.vae.models.style_learner import load_style_learner
 
     begun = time.monotonic()
     asked = [interpolate, add, blend or None, noise, move, design or None, take or None]
@@ -124,7 +125,7 @@ def _finish(
 
     from mbstudio.core.dem import export
     from mbstudio.core.metaball.topology import topology
-    from mbstudio.core.vae.latent import clamped, is_far_outside
+    from mbstudio.core.vae.shaping.latent import clamped, is_far_outside
 
     digits = len(str(len(latents)))
     names = tuple(f"{what}_{i + 1:0{digits}d}" for i in range(len(latents)))
@@ -164,7 +165,7 @@ def _finish(
 def _rows(grains: Serialization, latents: np.ndarray, recipe: str) -> list[dict[str, Any]]:
     import numpy as np
 
-    from mbstudio.core.vae.meaning_factors import MEANINGS, meaning_factors
+    from mbstudio.core.vae.shaping.meaning_factors import MEANINGS, meaning_factors
 
     factors = meaning_factors(grains)
     factors[:, 0] = np.exp(factors[:, 0])
@@ -189,7 +190,7 @@ def _csv(rows: list[dict[str, Any]]) -> str:
 def _tell_about(style: Path, learner: StyleLearner, work: ByHand, as_json: bool) -> None:
     import numpy as np
 
-    from mbstudio.core.vae.meaning_factors import MEANINGS
+    from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
     meanings = work.meanings
     known = meanings.known.copy()

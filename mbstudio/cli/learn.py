@@ -16,8 +16,9 @@ from mbstudio.cli.measure import GrainsOption, LimitOption, chosen_grains
 from mbstudio.core.errors import MbstudioError, SerializationError, StyleError
 
 if TYPE_CHECKING:
-    from mbstudio.core.vae import Serialization, StyleLearner, Template
-    from mbstudio.core.vae.training import StyleTraining
+    from mbstudio.core.vae.models.style_learner import StyleLearner
+    from mbstudio.core.vae.models.training import StyleTraining
+    from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
 
 class Preset(StrEnum):
@@ -65,7 +66,9 @@ def learn(
     control points are those of the style-learner that learns on; its old parents are not forgotten.
     """
     from mbstudio.core.batch.processes import usable_cores
-    from mbstudio.core.vae import StyleTraining, learn_on, load_style_learner
+    from mbstudio.core.vae.models.learning_on import learn_on
+    from mbstudio.core.vae.models.style_learner import load_style_learner
+    from mbstudio.core.vae.models.training import StyleTraining
 
     begun = time.monotonic()
     _require_folder(folder)
@@ -100,7 +103,7 @@ def learn(
 
 def _require_folder(folder: Path) -> None:
     """Refuse a place that holds something else, before the work begins."""
-    from mbstudio.core.vae.model_files import CARD_FILE
+    from mbstudio.core.vae.models.style_learner import CARD_FILE
 
     if folder.exists() and not folder.is_dir():
         raise StyleError(f"{folder} is a file: give the name of a folder for the style-learner.")
@@ -115,9 +118,9 @@ def _parents(
     unit: str | None, workers: int, template: Template | None,
 ) -> Serialization:  # fmt: skip
     """Return the serialized parents of whatever was given."""
-    from mbstudio.core.vae.mesh_folder import read_mesh
-    from mbstudio.core.vae.serialization_file import load_serialization
-    from mbstudio.core.vae.serializer import serialize
+    from mbstudio.core.vae.serialize.mesh_folder import read_mesh
+    from mbstudio.core.vae.serialize.serialization import load_serialization
+    from mbstudio.core.vae.serialize.serializer import serialize
 
     if not source.exists():
         raise MbstudioError(f"{source} is not there: check the name and the folder.")

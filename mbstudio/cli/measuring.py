@@ -141,7 +141,7 @@ def require_parquet() -> None:
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """Write a table as CSV; what is not a number is an empty cell."""
-    from mbstudio.core.project.replacement import replacing
+    from mbstudio.core.replacement import replacing
 
     with replacing(path) as temporary:
         table.to_csv(temporary, index=False, lineterminator="\r\n", encoding="utf-8")
@@ -149,7 +149,7 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
 
 def write_parquet(path: Path, table: pd.DataFrame) -> None:
     """Write a table as Parquet."""
-    from mbstudio.core.project.replacement import replacing
+    from mbstudio.core.replacement import replacing
 
     require_parquet()
     with replacing(path) as temporary:

@@ -60,7 +60,7 @@ def report(
     populations = measure_grains(
         project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
     )
-    from mbstudio.scene.population_report import write_report
+    from mbstudio.scene.reports.population_report import write_report
 
     with console.progress("Drawing") as tell:
         write_report(path, project, populations, sieves=sieves.value, progress=tell)

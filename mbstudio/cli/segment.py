@@ -75,7 +75,7 @@ def _write_label_image(path: Path, labels: Any, source: Path) -> None:
     import numpy as np
     import tifffile
 
-    from mbstudio.core.project.replacement import replacing
+    from mbstudio.core.replacement import replacing
 
     if path.resolve() == source.resolve():
         raise MbstudioError(f"{path} is the scan itself: give the label image another name.")

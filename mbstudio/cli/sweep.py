@@ -71,8 +71,7 @@ def sweep(
     the border does not cut are swept, unless --grains says which.
     """
     from mbstudio.core.imaging.options import read_options
-    from mbstudio.core.imaging.sweep import Sweep
-    from mbstudio.core.imaging.sweep_table import read_sweep
+    from mbstudio.core.imaging.sweep import Sweep, read_sweep
 
     options = read_options(method, option or ())  # type: ignore[arg-type]
     numbers = inputs.numbers_in(n, "--n") or []
@@ -88,7 +87,7 @@ def sweep(
     begun = time.monotonic()
     interrupted = _drive(work, output, done, len(labels) * len(work.numbers))
     if figure is not None and any(not row.error for row in work.rows):
-        from mbstudio.scene.sweep_figure import save_sweep_figure
+        from mbstudio.scene.figures.sweep_figure import save_sweep_figure
 
         save_sweep_figure(figure, work.rows)
     _tell(work, source, error / 100, as_json, output, figure, time.monotonic() - begun)
@@ -106,7 +105,7 @@ def _check_outputs(source: Path, output: Path, figure: Path | None, error: float
     if not error > 0:
         raise FitError(f"--error {error:g} % cannot be met: give a number above 0.")
     if figure is not None:
-        from mbstudio.scene.sweep_figure import require_ending
+        from mbstudio.scene.figures.sweep_figure import require_ending
 
         require_ending(figure)
     for path in (output, figure):
@@ -161,7 +160,7 @@ def _drive(work: Sweep, output: Path, done: Sequence[SweepRow], fits: int) -> bo
     What the table held before stays in it, also where it was not asked for again.
     """
     from mbstudio.cli.fit import terminate_as_interrupt
-    from mbstudio.core.imaging.sweep_table import joined, write_sweep
+    from mbstudio.core.imaging.sweep import joined, write_sweep
 
     with console.progress("Sweeping") as report, terminate_as_interrupt():
         try:

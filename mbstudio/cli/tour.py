@@ -26,7 +26,7 @@ def tour(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Go the whole way on the built-in sample scan: grains, avatars, factors, pictures, DEM files."""
-    from mbstudio.scene.offscreen import prepare_offscreen_rendering
+    from mbstudio.scene.pictures.offscreen import prepare_offscreen_rendering
 
     prepare_offscreen_rendering()
     prepare_folder(folder)
@@ -62,7 +62,7 @@ class _Steps:
     def run(self) -> dict[str, Any]:
         import json
 
-        from mbstudio.core.project.replacement import replacing
+        from mbstudio.core.replacement import replacing
 
         project = self._segmented_sample()
         self._fit(project)
@@ -126,7 +126,7 @@ class _Steps:
                 self.summary[f"median_{name}_error_percent"] = None if error is None else 100 * error
 
     def _render(self, project: Any) -> None:
-        from mbstudio.scene.pictures import render_tour
+        from mbstudio.scene.pictures.pictures import render_tour
 
         pictures = render_tour(project, self.folder / "pictures")
         self.summary["pictures"] = ", ".join(path.name for path in pictures)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbstudio.core.dem.clump import Clump
 from mbstudio.core.dem.preview import ExportPreview
+from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.scene.surfaces import Surface, avatar_surface, control_points, surface_of
 
 _CELLS = 56

@@ -15,20 +15,20 @@ import pyvista as pv
 from jaxtyping import Float, UInt8
 
 from mbstudio.scene import camera
-from mbstudio.scene.annotations import CornerAxes, ScaleBar
 from mbstudio.scene.camera import VIEWS, View
-from mbstudio.scene.clip_box import ClipBox
-from mbstudio.scene.deviation_map import DeviationMap, DeviationSurface
-from mbstudio.scene.gallery import Gallery
-from mbstudio.scene.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
-from mbstudio.scene.measurements import Measurements
-from mbstudio.scene.overviews import Overviews, draw_last, single_surface, some_points
-from mbstudio.scene.picking import foremost_point, label_under
-from mbstudio.scene.side_by_side import SideBySide
-from mbstudio.scene.slices import SlicePlanes, scan_box
+from mbstudio.scene.layers.annotations import CornerAxes, ScaleBar
+from mbstudio.scene.layers.deviation_map import DeviationMap, DeviationSurface
+from mbstudio.scene.layers.gallery import Gallery
+from mbstudio.scene.layers.layers import COLOURS, LABELLED, LAYERS, SEE_THROUGH, Layer
+from mbstudio.scene.layers.overviews import Overviews, draw_last, single_surface, some_points
+from mbstudio.scene.layers.picking import foremost_point, label_under
+from mbstudio.scene.layers.side_by_side import SideBySide
+from mbstudio.scene.layers.slices import SlicePlanes, scan_box
+from mbstudio.scene.layers.volume import VolumeCloud, VolumeVoxels
 from mbstudio.scene.surfaces import Surface
 from mbstudio.scene.theme import LIGHT, SceneTheme
-from mbstudio.scene.volume import VolumeCloud, VolumeVoxels
+from mbstudio.scene.tools.clip_box import ClipBox
+from mbstudio.scene.tools.measurements import Measurements
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
@@ -103,7 +103,7 @@ class Scene:
         self._apply_visibility()
 
     def set_volume(self, voxels: VolumeVoxels | None) -> None:
-        """Show a scan's voxels (:func:`~mbstudio.scene.volume.volume_voxels`) as a cloud."""
+        """Show a scan's voxels (:func:`~mbstudio.scene.layers.volume.volume_voxels`) as a cloud."""
         self._remove_volume()
         if voxels is not None and self.slices is not None:
             self._cloud = VolumeCloud(self.plotter, voxels, self.slices.window)
@@ -211,7 +211,7 @@ class Scene:
         self.gallery.show(None)
 
     def set_gallery(self, surface: Surface | None, unit: str | None = None) -> None:
-        """Lay bodies out next to each other (:func:`~mbstudio.scene.gallery.tray_surface`)."""
+        """Lay bodies out next to each other (:func:`~mbstudio.scene.layers.gallery.tray_surface`)."""
         self.set_unit(unit)
         self.gallery.show(surface)
         self._apply_visibility()

@@ -9,7 +9,7 @@ import qtawesome
 from PySide6.QtCore import QObject, QSize
 from PySide6.QtGui import QIcon, QPixmap
 
-from mbstudio.assets import asset
+from mbstudio.core.assets import asset
 from mbstudio.ui.theme import Theme
 
 

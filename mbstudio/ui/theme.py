@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, QSettings, Qt, Signal
 from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette
 from PySide6.QtWidgets import QApplication
 
-from mbstudio.assets import asset, assets_folder
+from mbstudio.core.assets import asset, assets_folder
 from mbstudio.scene import DARK as SCENE_DARK
 from mbstudio.scene import LIGHT as SCENE_LIGHT
 from mbstudio.scene import SceneTheme

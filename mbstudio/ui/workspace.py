@@ -15,8 +15,8 @@ from mbstudio.core.scan import Scan
 from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
-    from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.style_learner import StyleLearner
+    from mbstudio.core.vae.generate.generation import Generation
+    from mbstudio.core.vae.models.style_learner import StyleLearner
 
 RECENT = 8
 

@@ -371,7 +371,7 @@ def test_figures_refuses_a_file_as_folder(mbstudio, tmp_path):
 
 
 def test_figures_draws_into_the_folder(mbstudio, tmp_path, monkeypatch):
-    from mbstudio.scene import paper_figures
+    from mbstudio.scene.figures import paper_figures
 
     drawn = []
 

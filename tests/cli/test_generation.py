@@ -8,17 +8,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mbstudio.core.dem.metaball import read_metaball
+from mbstudio.core.dem.formats.metaball import read_metaball
 from mbstudio.core.metaball.validity import check
-from mbstudio.core.vae import load_style_learner
-from mbstudio.core.vae.radii import surface_rms
-from mbstudio.core.vae.serialization_file import save_serialization
+from mbstudio.core.vae.models.radii import surface_rms
+from mbstudio.core.vae.models.style_learner import load_style_learner
+from mbstudio.core.vae.serialize.serialization import save_serialization
 from tests.core.vae.boxes import boxes
 
 
 @pytest.fixture(autouse=True)
 def few_candidates(monkeypatch):
-    monkeypatch.setattr("mbstudio.core.vae.generator._SPARE", 10)
+    monkeypatch.setattr("mbstudio.core.vae.generate.generator._SPARE", 10)
 
 
 @pytest.fixture

@@ -8,13 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mbstudio.core.dem.metaball import read_metaball
+from mbstudio.core.dem.formats.metaball import read_metaball
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.core.vae import learn, load_style_learner
-from mbstudio.core.vae.kept_grain import measured
-from mbstudio.core.vae.latent import clamped, farthest, mean_latent
-from mbstudio.core.vae.latent_recipe import Recipe, style_digest
-from mbstudio.core.vae.meaning_factors import meaning_factors
+from mbstudio.core.vae.models.style_learner import load_style_learner
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.shaping.kept_grain import measured
+from mbstudio.core.vae.shaping.latent import clamped, farthest, mean_latent
+from mbstudio.core.vae.shaping.latent_recipe import Recipe, style_digest
+from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
 from tests.core.vae.boxes import boxes
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from mbstudio.cli.measuring import measure_grains
 from mbstudio.core.project import Project
-from mbstudio.scene.population_report import write_report
+from mbstudio.scene.reports.population_report import write_report
 
 
 def test_the_report_needs_nothing_else(mbstudio, fitted_project, tmp_path):
@@ -72,7 +72,7 @@ def test_outputs_that_make_no_sense(mbstudio, fitted_project, tmp_path):
 
 
 def test_a_report_that_fails_leaves_the_old_one(mbstudio, fitted_project, tmp_path, monkeypatch):
-    from mbstudio.scene import population_report
+    from mbstudio.scene.reports import population_report
 
     path = tmp_path / "r.html"
     path.write_text("old")

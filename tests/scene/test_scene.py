@@ -11,11 +11,11 @@ from mbstudio.core.metaball import Avatar
 from mbstudio.core.scan import Scan
 from mbstudio.core.units import VoxelSize
 from mbstudio.scene import DARK, LIGHT, Scene
-from mbstudio.scene.annotations import readable_length, round_length
-from mbstudio.scene.slices import cut, grey_window, slice_image
+from mbstudio.scene.layers.annotations import readable_length, round_length
+from mbstudio.scene.layers.slices import cut, grey_window, slice_image
+from mbstudio.scene.layers.volume import volume_voxels
 from mbstudio.scene.surfaces import avatar_surface, avatars_surface, control_points, label_surface, surface_of
 from mbstudio.scene.theme import rgb
-from mbstudio.scene.volume import volume_voxels
 
 SIZE = VoxelSize(20, 10, 10, "um")
 

@@ -17,11 +17,11 @@ from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
 from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.core.vae.meaning import Meanings
-from mbstudio.core.vae.training import learn
-from mbstudio.ui.main_window import MainWindow
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.shaping.meaning import Meanings
+from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.theme import Theme
-from mbstudio.ui.viewport import Viewport
+from mbstudio.ui.view.viewport import Viewport
 from tests.core.vae.boxes import boxes
 
 PATIENCE = 120_000  # milliseconds that a test waits for work before it gives up

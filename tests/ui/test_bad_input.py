@@ -13,7 +13,7 @@ from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QDialog, QFileDialog, QPushButton
 
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.ui.widgets.scan_dialog import ScanDialog
+from mbstudio.ui.stations.scan.dialog import ScanDialog
 from tests.ui.conftest import PATIENCE
 
 

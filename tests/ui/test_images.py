@@ -18,10 +18,10 @@ from mbstudio.core.imaging import fit
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.project.scan_reference import refer_to
 from mbstudio.core.scan import sample_scan
-from mbstudio.core.vae.generator import generate
-from mbstudio.core.vae.serializer import serialize
-from mbstudio.core.vae.training import learn
-from mbstudio.ui.view_commands import STATIONS
+from mbstudio.core.vae.generate.generator import generate
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.serialize.serializer import serialize
+from mbstudio.ui.view.view_commands import STATIONS
 
 SIZES = {"": QSize(1280, 800), "-large": QSize(2560, 1440)}
 FITTED = 10

@@ -32,7 +32,7 @@ from mbstudio.core.dem.target import targets
 from mbstudio.core.metrics.bodies import UNITLESS
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations.sieving import SERIES_NAMES
-from mbstudio.core.vae.generator import generate
+from mbstudio.core.vae.generate.generator import generate
 
 BRACKETED = re.compile(r"⟦[^⟦⟧]*⟧")
 WORD = re.compile(r"[^\W\d_²³]{3,}")

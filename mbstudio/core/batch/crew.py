@@ -14,8 +14,8 @@ from mbstudio.core.batch.worker import receive_answer, run_task, send_task
 from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.imaging.goals.target import FitTarget
 from mbstudio.core.imaging.steps import FitResult, Method
-from mbstudio.core.imaging.target import FitTarget
 
 _Answer = tuple[FitResult | None, str | None]
 

@@ -1,10 +1,10 @@
 """Export of avatars to DEM engines, one module a target behind one registry."""
 
-from mbstudio.core.dem.clump import Clump, sphere_clump
-from mbstudio.core.dem.clump_target import ClumpTarget, TargetClump, clump_for_target
 from mbstudio.core.dem.exporting import ExportReport, export, validate
-from mbstudio.core.dem.metaball import read_metaball
-from mbstudio.core.dem.specimen import Specimen, SpecimenPlan, make_specimen, target_curve
+from mbstudio.core.dem.formats.metaball import read_metaball
+from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
+from mbstudio.core.dem.shapes.clump_target import ClumpTarget, TargetClump, clump_for_target
+from mbstudio.core.dem.specimen.specimen import Specimen, SpecimenPlan, make_specimen, target_curve
 from mbstudio.core.dem.target import Option, Target, targets
 
 __all__ = [

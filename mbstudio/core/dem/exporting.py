@@ -20,9 +20,9 @@ from mbstudio.core.dem.manifest import (
     read_manifest,
     write_manifest,
 )
-from mbstudio.core.dem.specimen import SpecimenPlan, make_specimen
-from mbstudio.core.dem.specimen_files import FILE_NAME as SPECIMEN_NAME
-from mbstudio.core.dem.specimen_files import check_specimen, describe_specimen, write_specimen
+from mbstudio.core.dem.specimen.specimen import SpecimenPlan, make_specimen
+from mbstudio.core.dem.specimen.specimen_files import FILE_NAME as SPECIMEN_NAME
+from mbstudio.core.dem.specimen.specimen_files import check_specimen, describe_specimen, write_specimen
 from mbstudio.core.dem.target import Job, Progress, complete_options, find_target
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball.avatar import Avatar

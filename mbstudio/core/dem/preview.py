@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstudio.core.dem.body import DemBody
-from mbstudio.core.dem.clump import Clump, sphere_clump
-from mbstudio.core.dem.clump_files import CLUMP_TARGET
-from mbstudio.core.dem.clump_target import clump_for_target
-from mbstudio.core.dem.level_set import LevelSet, level_set
-from mbstudio.core.dem.mesh_target import BodyMesh, mesh_of
-from mbstudio.core.dem.meshes import describe_mesh
+from mbstudio.core.dem.formats.clump_files import CLUMP_TARGET
+from mbstudio.core.dem.formats.meshes import describe_mesh
+from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
+from mbstudio.core.dem.shapes.clump_target import clump_for_target
+from mbstudio.core.dem.shapes.level_set import LevelSet, level_set
+from mbstudio.core.dem.shapes.mesh_target import BodyMesh, mesh_of
 from mbstudio.core.dem.target import Geometry, Progress, complete_options, find_target
 from mbstudio.core.metrics.factors import nominal_diameter
 

@@ -15,14 +15,15 @@ from mbstudio.core.dem.body import DemBody
 from mbstudio.core.errors import ExportError
 
 if TYPE_CHECKING:
-    from mbstudio.core.dem.specimen import Specimen
+    from mbstudio.core.dem.specimen.specimen import Specimen
 
 Progress = Callable[[float, str], None]
 Geometry = Literal["clump", "mesh", "grid", "metaball"]
 
 _MODULES = (
-    "stl", "obj", "ply", "metaball", "liggghts", "lammps", "kratos", "peclet", "yade", "yade_level_set",
-    "pfc", "dem_engine", "comflusom", "mercury", "edem", "mechsys",
+    "stl", "obj", "ply", "metaball", "liggghts.target", "lammps.target", "kratos.target", "peclet",
+    "yade.target", "yade.level_set", "pfc.target", "dem_engine.target", "comflusom", "mercury.target",
+    "edem", "mechsys.target",
 )  # fmt: skip
 
 
@@ -139,7 +140,7 @@ class Target:
 @cache
 def targets() -> Mapping[str, Target]:
     """Return every target by its name."""
-    found = [import_module(f"mbstudio.core.dem.{module}").TARGET for module in _MODULES]
+    found = [import_module(f"mbstudio.core.dem.formats.{module}").TARGET for module in _MODULES]
     return MappingProxyType({target.name: target for target in found})
 
 

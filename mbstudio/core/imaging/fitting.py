@@ -10,8 +10,8 @@ from mbstudio.core.imaging.options import make_options
 from mbstudio.core.imaging.steps import FitResult, FitRun, Method, SearchStep
 
 if TYPE_CHECKING:
+    from mbstudio.core.imaging.goals.target import FitTarget
     from mbstudio.core.imaging.run import StepRun
-    from mbstudio.core.imaging.target import FitTarget
 
 
 def start_fit(
@@ -36,10 +36,10 @@ def start_fit(
         Of everything random; the same seed gives the same avatar.
     target : str or FitTarget, optional
         What the avatar is to reach, such as ``"volume 0.5 % and hausdorff 2 %"``, with as few control points
-        as may be; see :meth:`~mbstudio.core.imaging.target.FitTarget.parse`.
+        as may be; see :meth:`~mbstudio.core.imaging.goals.target.FitTarget.parse`.
     **options
-        Of :class:`~mbstudio.core.imaging.fast.FastOptions` or
-        :class:`~mbstudio.core.imaging.paper_options.PaperOptions`.
+        Of :class:`~mbstudio.core.imaging.fast.fast.FastOptions` or
+        :class:`~mbstudio.core.imaging.paper.gradient_search.PaperOptions`.
 
     Raises
     ------
@@ -50,8 +50,8 @@ def start_fit(
     chosen = make_options(method, options)
     if not target:
         return _run_of(grain, n, method, seed, chosen)
-    from mbstudio.core.imaging.target import FitTarget
-    from mbstudio.core.imaging.target_fit import TargetFit
+    from mbstudio.core.imaging.goals.target import FitTarget
+    from mbstudio.core.imaging.goals.target_fit import TargetFit
 
     return TargetFit(
         grain, FitTarget.parse(target), lambda number: _run_of(grain, number, method, seed, chosen)
@@ -60,10 +60,10 @@ def start_fit(
 
 def _run_of(grain: Grain, n: int, method: Method, seed: int, chosen: Any) -> StepRun:
     if method == "fast":
-        from mbstudio.core.imaging.fast import FastFit
+        from mbstudio.core.imaging.fast.fast import FastFit
 
         return FastFit(grain, n, seed, chosen)
-    from mbstudio.core.imaging.gradient_search import PaperFit
+    from mbstudio.core.imaging.paper.gradient_search import PaperFit
 
     return PaperFit(grain, n, seed, chosen)
 

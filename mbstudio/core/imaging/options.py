@@ -25,11 +25,11 @@ def options_kind(method: Method) -> type[Any]:
     """
     # A method's module is imported when it is used: their kernels need not all be loaded.
     if method == "fast":
-        from mbstudio.core.imaging.fast import FastOptions
+        from mbstudio.core.imaging.fast.fast import FastOptions
 
         return FastOptions
     if method == "paper":
-        from mbstudio.core.imaging.paper_options import PaperOptions
+        from mbstudio.core.imaging.paper.gradient_search import PaperOptions
 
         return PaperOptions
     raise FitError(f"There is no fit method '{method}': use 'fast' or 'paper'.")

@@ -13,10 +13,10 @@ from jaxtyping import Float64
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
-from mbstudio.core.imaging.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.options import changed_options
 from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
-from mbstudio.core.imaging.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
+from mbstudio.core.imaging.start.control_points import control_of_spheres, with_number
+from mbstudio.core.imaging.start.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep, Verdict
 from mbstudio.core.metaball.avatar import Avatar
 
@@ -233,8 +233,8 @@ class StepRun(ABC):
         return note
 
     def _judge(self) -> Verdict:
-        from mbstudio.core.imaging.guard import lies_outside
-        from mbstudio.core.imaging.thin import number_needed
+        from mbstudio.core.imaging.fast.guard import lies_outside
+        from mbstudio.core.imaging.start.thin import number_needed
         from mbstudio.core.metaball.validity import check
 
         assert self.prepared is not None

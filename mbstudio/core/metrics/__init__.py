@@ -1,10 +1,9 @@
 """Shape factors and mass properties of grains, meshes and avatars."""
 
 from mbstudio.core.metrics.detail import measure_detail
-from mbstudio.core.metrics.detailed_factors import DETAILED_FACTORS, DetailedFactors
 from mbstudio.core.metrics.mass import MassProperties, mass_properties
 from mbstudio.core.metrics.measuring import bounding_box, measure
-from mbstudio.core.metrics.shape_factors import CORE_FACTORS, ShapeFactors
+from mbstudio.core.metrics.shape_factors import CORE_FACTORS, DETAILED_FACTORS, DetailedFactors, ShapeFactors
 from mbstudio.core.metrics.uncertainty import FactorIntervals, factor_intervals
 
 __all__ = [

@@ -13,9 +13,9 @@ from mbstudio.core.metrics import factors
 from mbstudio.core.metrics.axes import convex_hull
 from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, measured_body
 from mbstudio.core.metrics.curvature import roughness, roundness, smoothed_body
-from mbstudio.core.metrics.detailed_factors import DetailedFactors
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.harmonics import band_energies
+from mbstudio.core.metrics.shape_factors import DetailedFactors
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
 from mbstudio.core.threads import one_thread

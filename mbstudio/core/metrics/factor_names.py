@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbstudio.core.metrics.bodies import UNITLESS
-from mbstudio.core.metrics.detailed_factors import BANDS
+from mbstudio.core.metrics.shape_factors import BANDS
 from mbstudio.core.units import unit_label
 
 _EXPONENTS = {1: "", 2: "²", 3: "³"}

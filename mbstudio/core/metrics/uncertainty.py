@@ -13,7 +13,6 @@ from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metrics.bodies import VoxelSurface, default_surface
 from mbstudio.core.metrics.detail import measure_detail
-from mbstudio.core.metrics.detailed_factors import DETAILED_FACTORS, DetailedFactors
 from mbstudio.core.metrics.measuring import AxisConvention, measure
 from mbstudio.core.metrics.perturbation import (
     GreyField,
@@ -23,7 +22,7 @@ from mbstudio.core.metrics.perturbation import (
     shifted_grains,
     threshold_grains,
 )
-from mbstudio.core.metrics.shape_factors import CORE_FACTORS, ShapeFactors
+from mbstudio.core.metrics.shape_factors import CORE_FACTORS, DETAILED_FACTORS, DetailedFactors, ShapeFactors
 
 _SPREADS = 2.0
 """Standard deviations of the shifted copies on either side."""

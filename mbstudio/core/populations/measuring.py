@@ -13,9 +13,8 @@ from mbstudio.core.batch.processes import Child, Crew, usable_cores
 from mbstudio.core.errors import GrainError, MbstudioError, MeasureError
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.metrics.bodies import UNITLESS, VoxelSurface
-from mbstudio.core.metrics.detailed_factors import BANDS, DETAILED_FACTORS
 from mbstudio.core.metrics.measuring import AxisConvention
-from mbstudio.core.metrics.shape_factors import CORE_FACTORS
+from mbstudio.core.metrics.shape_factors import BANDS, CORE_FACTORS, DETAILED_FACTORS
 from mbstudio.core.populations.population import Kind, Population
 from mbstudio.core.populations.worker import (
     Conventions,

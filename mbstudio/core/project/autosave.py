@@ -21,8 +21,8 @@ from typing import IO, TYPE_CHECKING
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
 from mbstudio.core.project.project import Project
-from mbstudio.core.project.replacement import replacing
 from mbstudio.core.project.state import ProjectState
+from mbstudio.core.replacement import replacing
 from mbstudio.core.scan import Scan
 
 if TYPE_CHECKING:

@@ -34,9 +34,9 @@ import mbstudio
 from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.kept_table import read_kept, write_kept
-from mbstudio.core.project.replacement import replacing
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
+from mbstudio.core.replacement import replacing
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import h5py
 
 if TYPE_CHECKING:
-    from mbstudio.core.vae.kept_grain import KeptGrain
+    from mbstudio.core.vae.shaping.kept_grain import KeptGrain
 
 _TEXTS = h5py.string_dtype("utf-8")
 
@@ -31,6 +31,6 @@ def read_kept(group: h5py.Group) -> tuple[KeptGrain, ...]:
     StyleError, KeyError, ValueError
         If they are damaged.
     """
-    from mbstudio.core.vae.kept_grain import kept_of
+    from mbstudio.core.vae.shaping.kept_grain import kept_of
 
     return tuple(kept_of(json.loads(text)) for text in group["entries"].asstr()[:])

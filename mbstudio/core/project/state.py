@@ -14,9 +14,9 @@ from mbstudio.core.units import VoxelSize
 if TYPE_CHECKING:
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
-    from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.kept_grain import KeptGrain
-    from mbstudio.core.vae.style_learner import StyleLearner
+    from mbstudio.core.vae.generate.generation import Generation
+    from mbstudio.core.vae.models.style_learner import StyleLearner
+    from mbstudio.core.vae.shaping.kept_grain import KeptGrain
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class FitSettings:
     """What the next fit will use.
 
     `options` are those of the method that are not at their defaults. With a `target` (see
-    :class:`~mbstudio.core.imaging.target.FitTarget`) the number of control points is looked for, and `n`
-    is not used.
+    :class:`~mbstudio.core.imaging.goals.target.FitTarget`) the number of control points is looked for,
+    and `n` is not used.
     """
 
     n: int = 40

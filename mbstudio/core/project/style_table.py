@@ -17,8 +17,8 @@ from mbstudio.core.errors import ProjectError
 
 if TYPE_CHECKING:
     from mbstudio.core.populations import Population
-    from mbstudio.core.vae.generation import Generation
-    from mbstudio.core.vae.style_learner import StyleLearner
+    from mbstudio.core.vae.generate.generation import Generation
+    from mbstudio.core.vae.models.style_learner import StyleLearner
 
 _TEXTS = h5py.string_dtype("utf-8")
 _PACKED: dict[str, Any] = {
@@ -28,7 +28,7 @@ _PACKED: dict[str, Any] = {
 
 def write_style(group: h5py.Group, learner: StyleLearner) -> None:
     """Write a style-learner into an empty group."""
-    from mbstudio.core.vae.model_files import FORMAT, learner_entries, learner_tensors
+    from mbstudio.core.vae.models.style_learner import FORMAT, learner_entries, learner_tensors
 
     group.attrs["format"] = FORMAT
     _write_json(group, "entries", learner_entries(learner))
@@ -46,7 +46,7 @@ def read_style(group: h5py.Group, path: Path) -> StyleLearner:
     StyleError, KeyError, TypeError, ValueError
         If it is damaged.
     """
-    from mbstudio.core.vae.model_files import FORMAT, learner_of
+    from mbstudio.core.vae.models.style_learner import FORMAT, learner_of
 
     if int(group.attrs["format"]) > FORMAT:
         raise ProjectError(
@@ -59,7 +59,7 @@ def read_style(group: h5py.Group, path: Path) -> StyleLearner:
 
 def write_clones(group: h5py.Group, clones: Generation) -> None:
     """Write clones into an empty group."""
-    from mbstudio.core.vae.serialization_file import serialization_arrays
+    from mbstudio.core.vae.serialize.serialization import serialization_arrays
 
     counts = vars(clones.counts) | {"refused": dict(clones.counts.refused)}
     reached = [vars(figure) for figure in clones.reached]
@@ -84,9 +84,9 @@ def read_clones(group: h5py.Group, path: Path) -> Generation:
     MbstudioError, KeyError, TypeError, ValueError
         If they are damaged.
     """
-    from mbstudio.core.vae.generation import Counts, Generation
-    from mbstudio.core.vae.serialization_file import serialization_of
-    from mbstudio.core.vae.targets import Reached
+    from mbstudio.core.vae.generate.generation import Counts, Generation
+    from mbstudio.core.vae.generate.targets import Reached
+    from mbstudio.core.vae.serialize.serialization import serialization_of
 
     entries = _read_json(group, "entries")
     arrays = {name: _read_array(group["avatars"][name]) for name in group["avatars"]}

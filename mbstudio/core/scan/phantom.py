@@ -140,7 +140,7 @@ class Phantom:
 
 def sample_recipe() -> PhantomRecipe:
     """Return the recipe of the built-in sample scan."""
-    from mbstudio.assets import asset
+    from mbstudio.core.assets import asset
 
     return PhantomRecipe.read(asset("sample_scan.toml"))
 

@@ -13,7 +13,7 @@ from mbstudio.core.populations import Population, compare, moments, size_distrib
 from mbstudio.core.populations.population import Weighting
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.units import unit_label
-from mbstudio.scene.population_style import readable_scale
+from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import mark, tr
 
 _ROW = 25

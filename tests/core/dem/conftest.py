@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mbstudio.core.dem import clump_files
-from mbstudio.core.dem.clump import Clump, sphere_clump
 from mbstudio.core.dem.engines import VARIABLE, find_engine
+from mbstudio.core.dem.formats import clump_files
+from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.metaball import Avatar
 
 

@@ -11,9 +11,9 @@ import pytest
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitRun, SearchStep, fit, start_fit
-from mbstudio.core.imaging.control_points import with_number
 from mbstudio.core.imaging.loss import mean_loss
 from mbstudio.core.imaging.preprocess import prepare
+from mbstudio.core.imaging.start.control_points import with_number
 from mbstudio.core.metaball.field import field_at
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import cut_box, ellipsoid, grain_where

@@ -7,9 +7,9 @@ import pytest
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
+from mbstudio.core.imaging.fast.refine import RefineSettings
 from mbstudio.core.imaging.hull import along_curve, tips_of
 from mbstudio.core.imaging.preprocess import prepare
-from mbstudio.core.imaging.refine_settings import RefineSettings
 from mbstudio.core.metrics.sphere_directions import half_sphere
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import CENTER, cut_box, ellipsoid, grain_where

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbstudio.core.imaging.gradient_search import loss_and_gradient
 from mbstudio.core.imaging.loss import mean_loss, point_loss, point_loss_slope
+from mbstudio.core.imaging.paper.gradient_search import loss_and_gradient
 
 
 @pytest.mark.parametrize(

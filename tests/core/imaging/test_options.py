@@ -10,7 +10,7 @@ import pytest
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit, start_fit
-from mbstudio.core.imaging.fast import FastOptions
+from mbstudio.core.imaging.fast.fast import FastOptions
 from mbstudio.core.imaging.options import (
     changed_options,
     make_options,
@@ -19,7 +19,7 @@ from mbstudio.core.imaging.options import (
     plain_options,
     read_options,
 )
-from mbstudio.core.imaging.paper_options import PaperOptions
+from mbstudio.core.imaging.paper.gradient_search import PaperOptions
 
 
 def test_each_kind_of_option_is_read() -> None:

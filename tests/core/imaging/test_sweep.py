@@ -12,8 +12,15 @@ from mbstudio.core import metrics
 from mbstudio.core.errors import Cancelled, FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
-from mbstudio.core.imaging.sweep import Sweep, SweepRow, quantiles_of, smallest_numbers
-from mbstudio.core.imaging.sweep_table import joined, read_sweep, write_sweep
+from mbstudio.core.imaging.sweep import (
+    Sweep,
+    SweepRow,
+    joined,
+    quantiles_of,
+    read_sweep,
+    smallest_numbers,
+    write_sweep,
+)
 from mbstudio.core.metrics import bodies, measuring
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import cut_box, ellipsoid, grain_where

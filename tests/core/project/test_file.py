@@ -15,7 +15,7 @@ import pytest
 
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.grains.segmentation import SegmentationSettings
-from mbstudio.core.imaging.refine_settings import RefineSettings
+from mbstudio.core.imaging.fast.refine import RefineSettings
 from mbstudio.core.project import ProjectState
 from mbstudio.core.project.file import read_project, write_project
 

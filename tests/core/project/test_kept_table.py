@@ -9,9 +9,9 @@ import pytest
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.project.file import read_project, write_project
-from mbstudio.core.vae.kept_grain import KeptGrain, of_style
-from mbstudio.core.vae.latent_recipe import Operation, Recipe, style_digest
-from mbstudio.core.vae.training import learn
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.shaping.kept_grain import KeptGrain, of_style
+from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, style_digest
 from tests.core.vae.boxes import boxes
 
 STEPS = (

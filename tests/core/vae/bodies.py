@@ -7,9 +7,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.vae import Template
-from mbstudio.core.vae.template import first_template
-from mbstudio.core.vae.template_fit import volume_matched
+from mbstudio.core.vae.serialize.serialization import Template
+from mbstudio.core.vae.serialize.template import first_template
+from mbstudio.core.vae.serialize.template_fit import volume_matched
 
 
 def ellipsoid(

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbstudio.core.vae.sampling import Sample
-from mbstudio.core.vae.serialization import FLIPS, Serialization, Template
+from mbstudio.core.vae.models.sampling import Sample
+from mbstudio.core.vae.serialize.serialization import FLIPS, Serialization, Template
 
 
 def eight_points() -> Template:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstudio.core.vae import FLIPS, Serialization, Template
+from mbstudio.core.vae.serialize.serialization import FLIPS, Serialization, Template
 
 
 def template_of(generators: int = 2) -> Template:

@@ -1,0 +1,5 @@
+"""What DEM engines read: one module, or one folder, an engine.
+
+Each ends in a `TARGET` that names its options, and has one line in `mbstudio.core.dem.target`. Begin with the
+shortest, `metaball`.
+"""

@@ -1,0 +1,1 @@
+"""Chrono DEM-Engine (Zhang et al.): clumps."""

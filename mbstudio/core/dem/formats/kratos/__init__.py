@@ -1,0 +1,1 @@
+"""Kratos DEM: clusters of spheres."""

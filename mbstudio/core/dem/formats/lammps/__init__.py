@@ -1,0 +1,1 @@
+"""LAMMPS: rigid molecules of spheres."""

@@ -1,0 +1,1 @@
+"""LIGGGHTS: multisphere templates."""

@@ -1,0 +1,1 @@
+"""MechSys: sphero-polyhedra."""

@@ -1,0 +1,1 @@
+"""MercuryDPM: clumps of spheres."""

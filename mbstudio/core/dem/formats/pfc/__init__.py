@@ -1,0 +1,1 @@
+"""PFC3D (Itasca): clumps."""

@@ -1,0 +1,1 @@
+"""Yade: clumps of spheres and level sets."""

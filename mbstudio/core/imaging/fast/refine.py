@@ -1,0 +1,455 @@
+"""The fast search: Levenberg-Marquardt on ln k and x against the distance to the surface.
+
+The lowest value of the paper's loss alone belongs to avatars that fall into pieces or turn inside
+out. This search therefore minimises, in the working frame, the sum of squares of
+
+- the first-order distance of hull points to the surface, ``2 (1 - u) / g`` with ``u = f**-1/2``
+  and ``g = |grad f| / f`` held between bounds and lagged by one step; and that of the grain's tips,
+  which are too few to count among the hull points, yet decide on its calipers and its box;
+- a hinge that keeps f above 1 at points inside the grain (no voids);
+- a hinge that keeps every control point at some depth (no control point outside, no islands);
+- the volume error, as one mean normal displacement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from mbstudio.core.imaging.fast.levenberg_marquardt import (
+    add_normal_matrix,
+    curvature_of_rows,
+    depth_at,
+    field_of_rows,
+    jacobian_of_rows,
+    solve_damped,
+    steepness_of_rows,
+    weighted_sums_of_rows,
+)
+from mbstudio.core.imaging.preprocess import PreparedGrain
+from mbstudio.core.metaball.field import solid_bounds
+from mbstudio.core.metaball.surface import mesh_area, volume_and_area
+
+
+def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
+    """Return the depth that control points are pulled to, and that below which none may go."""
+    voxel, deepest = prepared.fineness, prepared.deepest
+    soft = max(2 * voxel, float(np.clip(0.04 * np.sqrt(120 / n), 0.03, 0.08)))
+    hard = max(1.2 * voxel, soft / 2)
+    # Thin plates and grains of a few voxels have no such depth anywhere.
+    return min(soft, 0.6 * deepest), min(hard, 0.4 * deepest)
+
+
+def depths_of(
+    prepared: PreparedGrain, points: Float64[np.ndarray, "3 p"]
+) -> tuple[Float64[np.ndarray, "p"], Float64[np.ndarray, "3 p"]]:
+    """Return signed distance (positive inside) and its gradient at points (rows x, y, z)."""
+    depth, slope = np.empty(points.shape[1]), np.empty((3, points.shape[1]))
+    depth_at(points, prepared.distance, prepared.origin, prepared.spacing, depth, slope)
+    return depth, slope
+
+
+def push_in(
+    prepared: PreparedGrain,
+    control: Float64[np.ndarray, "r n"],
+    least: Float64[np.ndarray, "n"],
+    fallback: Float64[np.ndarray, "r n"],
+) -> None:
+    """Move points (rows x, y, z, ...) shallower than `least` inward, in place; else to `fallback`."""
+    for _ in range(3):
+        depth, slope = depths_of(prepared, control[:3])
+        low = depth < least
+        if not low.any():
+            return
+        norm = np.maximum((slope[:, low] ** 2).sum(axis=0), 1e-3)
+        control[:3, low] += slope[:, low] * ((least[low] - depth[low]) / norm)
+    stuck = depths_of(prepared, control[:3])[0] < np.minimum(least, prepared.voxel) - 1e-9
+    control[:3, stuck] = fallback[:3, stuck]
+
+
+def settle_in(prepared: PreparedGrain, control: Float64[np.ndarray, "4 n"], least: float) -> None:
+    """Bring the control points of a start, in place, as deep as the search allows and the shape lets."""
+    start = control.copy()
+    push_in(prepared, control, np.full(control.shape[1], least), start)
+    depth = depths_of(prepared, control[:3])[0]
+    outside = np.flatnonzero(depth < 0.25 * min(prepared.voxel, prepared.deepest))
+    if len(outside):
+        deep = np.argwhere(prepared.distance >= min(0.45 * prepared.voxel, prepared.deepest))
+        places = deep[:, ::-1] * prepared.spacing + prepared.origin
+        for i in outside:
+            control[:3, i] = places[((places - control[:3, i]) ** 2).sum(axis=1).argmin()]
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """Constants of the fast search; lengths are in working lengths (RMS radius 1).
+
+    Attributes
+    ----------
+    steepness_floor, steepness_roof, steepness_roof_of_few : float
+        Bounds of g = abs(grad f) / f; a higher floor makes the search more cautious where f is flat. The
+        roof is that of few up to 24 control points and rises with their number: few cannot follow steep
+        places, and spread better over the body where these count less.
+    start_damping : float
+        Lambda of the first step.
+    tip_weight, interior_weight, depth_weight, volume_weight, area_weight : float
+        Weights of the tips (of their squares), of the hinges and of the volume and area rows against the
+        surface rows.
+    area_slack, area_slack_of_many, most_area_gain : float
+        The area row strives for the hull's area less this share (steps of the voxels leave so
+        much on smooth surfaces; the second from `many` control points on, unless blocks of voxels
+        were averaged), but for no more than this share beyond what the avatar has.
+    area_stays : bool
+        Keep the area row at work once the area is right, which may not grow too large then either.
+    area_noise : float
+        Below an RMS of so many voxels the area row is left out: their steps add more to the hull's area.
+    curvature_roof : float
+        Bound of twice the mean curvature in the area row.
+    points_per_control, points_per_many, fewest_points : int
+        Surface points in use at a time: max(fewest_points, points_per_control * n); the second per control
+        point where there are `many`.
+    denser, points_at_end : float, int
+        Times as many in the last steps, while the area row is at work; so many where it is left out.
+    renew_every, renew_many_every, many, check_every : int
+        Steps after which the next subset of points is taken and the volume measured anew, the second from so
+        `many` control points on, unless voxels are few or long; and after which progress over all hull points
+        decides whether to stop.
+    least_gain : float
+        Relative gain of the RMS between checks that counts as progress; two without end the search.
+    noise, least_gain_in_noise : float
+        Below an RMS of `noise` times the grain's fineness one check with less gain than this ends the search.
+    """
+
+    steepness_floor: float = 0.7
+    steepness_roof: float = 10.0
+    steepness_roof_of_few: float = 6.0
+    start_damping: float = 0.1
+    tip_weight: float = 0.03
+    interior_weight: float = 0.5
+    depth_weight: float = 0.5
+    volume_weight: float = 3.0
+    area_weight: float = 1.0
+    area_slack: float = 0.004
+    area_slack_of_many: float = 0.002
+    most_area_gain: float = 0.03
+    area_stays: bool = True
+    area_noise: float = 0.2
+    curvature_roof: float = 30.0
+    points_per_control: int = 25
+    points_per_many: int = 28
+    fewest_points: int = 1500
+    denser: float = 2.0
+    points_at_end: int = 8000
+    renew_every: int = 5
+    renew_many_every: int = 3
+    many: int = 80
+    check_every: int = 10
+    least_gain: float = 0.01
+    noise: float = 0.35
+    least_gain_in_noise: float = 0.015
+
+    def steepness_roof_for(self, n: int) -> float:
+        """Return the upper bound of g for n control points."""
+        return min(self.steepness_roof, max(self.steepness_roof_of_few, n / 4))
+
+
+# Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
+# gradients of the signed distance at the control points, volume row.
+_State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]
+
+
+class Refinement:
+    """The state of one fast search; :meth:`advance` makes one step.
+
+    Attributes
+    ----------
+    control : float64 array, shape (4, n)
+        Rows x, y, z, k as they stand, in the working frame.
+    damping : float
+    """
+
+    def __init__(
+        self,
+        prepared: PreparedGrain,
+        control: Float64[np.ndarray, "4 n"],
+        settings: RefineSettings | None = None,
+    ) -> None:
+        self.prepared = prepared
+        self.settings = settings or RefineSettings()
+        self.damping = self.settings.start_damping
+        self.iteration = 0
+        self.hull = np.ascontiguousarray(prepared.hull.T, dtype=np.float32)
+        tips, shares = prepared.tips, prepared.tip_shares
+        if self.settings.tip_weight <= 0:
+            tips, shares = tips[:0], shares[:0]
+        self._tips = np.ascontiguousarray(tips.T, dtype=np.float32)
+        self._tip_weight = np.sqrt(self.settings.tip_weight * shares)
+        self._witnesses = np.ascontiguousarray(self.hull[:, :: -(-self.hull.shape[1] // 4000)])
+        self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
+        self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)
+        self._interior_side = np.ones(len(self._interior_target), dtype=np.float32)
+        self._interior_weight = np.full(
+            len(self._interior_target),
+            self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
+            dtype=np.float32,
+        )  # fmt: skip
+        # In a thin body the same displacement is a larger share of the volume.
+        self._volume_weight = self.settings.volume_weight * prepared.slenderness**2
+        self._offset = 0
+        self._wanted_area: float | None = None
+        self._least_points = 0
+        self.set_control(control)
+
+    def set_control(self, control: Float64[np.ndarray, "4 n"]) -> None:
+        """Go on from other control points (also of another number)."""
+        self.control = np.array(control, dtype=np.float64)
+        self.soft_depth, self.hard_depth = least_depths(self.prepared, self.control.shape[1])
+        self.damping = max(self.damping, 1e-2)
+        self._renew()
+
+    def keep(
+        self, points: Float64[np.ndarray, "p 3"], depth: Float64[np.ndarray, "p"], weight: float,
+        *, filled: bool = True,
+    ) -> None:  # fmt: skip
+        """Add points that must lie inside the avatar, or outside it: the guard's answer to its faults."""
+        # A hair off the voxels' centres, where control points may lie: f has no value there.
+        places = points.T + 0.01 * self.prepared.voxel
+        self._interior = np.hstack([self._interior, places.astype(np.float32)])
+        side = np.full(len(points), 1 if filled else -1, dtype=np.float32)
+        self._interior_side = np.append(self._interior_side, side)
+        self._interior = np.ascontiguousarray(self._interior)
+        self._interior_target = np.append(
+            self._interior_target, np.minimum(0.5 * depth, 0.075).astype(np.float32)
+        )
+        rows = np.full(len(points), weight / np.sqrt(max(len(points), 1)), dtype=np.float32)
+        self._interior_weight = np.append(self._interior_weight, rows)
+        self.damping = max(self.damping, 1e-1)
+
+    def field_on_hull(self) -> np.ndarray:
+        """Return f at all hull points, in single precision."""
+        out = np.empty(self.hull.shape[1], dtype=np.float32)
+        field_of_rows(self.hull, self.control.astype(np.float32), out)
+        return out
+
+    def rms(self) -> float:
+        """Return the root mean square distance of hull points to the surface, in working lengths.
+
+        Measured at up to 4,000 of the hull points, always the same.
+        """
+        single = self.control.astype(np.float32)
+        field, steepness = np.empty((2, self._witnesses.shape[1]), dtype=np.float32)
+        field_of_rows(self._witnesses, single, field)
+        steepness_of_rows(self._witnesses, single, steepness)
+        residual = 2 * (1 - field**-0.5) / np.clip(steepness, 0.7, 6.0)
+        return float(np.sqrt(np.mean(np.square(residual, dtype=np.float64))))
+
+    def _renew(self) -> None:
+        """Take the next subset of hull points and measure the volume."""
+        settings = self.settings
+        each = settings.points_per_many if self._are_many() else settings.points_per_control
+        wanted = max(settings.fewest_points, each * self.control.shape[1])
+        if self._wanted_area is not None:
+            wanted = round(self.settings.denser * wanted)
+        wanted = max(wanted, self._least_points)
+        stride = max(1, self.hull.shape[1] // wanted)
+        self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
+        chosen = self.hull[:, self._offset :: stride]
+        m, t = chosen.shape[1], self._tips.shape[1]
+        self._surface = np.ascontiguousarray(np.hstack([chosen, self._tips]))
+        # Weights of the residuals in the sum of squares, and of the distances in means over the surface.
+        self._row_weight = np.concatenate([np.full(m, 1 / np.sqrt(m)), self._tip_weight]).astype(np.float32)
+        self._share = np.concatenate([np.full(m, 1 / m), np.zeros(t)]).astype(np.float32)
+        self._measure_solid()
+
+    def _are_many(self) -> bool:
+        """Tell whether control points are many, and the surface known well enough for them."""
+        return self.control.shape[1] >= self.settings.many and bool(np.isfinite(self.prepared.area))
+
+    def _mean(self, distances: np.ndarray) -> float:
+        """Return the mean over the surface of what is known at the surface points in use."""
+        return float((self._share * distances).sum(dtype=np.float64))
+
+    def _measure_solid(self) -> None:
+        bounds = solid_bounds(self.control, rounds=1)
+        # Sheets thinner than three cells would have a wrong volume.
+        fine = int(min(3 * float((bounds[1] - bounds[0]).max()) / self.prepared.thickness, 96))
+        cells = max(32 if self._wanted_area is None else 48, fine)
+        volume, area = volume_and_area(self.control, cells=cells, bounds=bounds)
+        self.volume_error = volume / self.prepared.volume - 1.0
+        displacement = (volume - self.prepared.volume) / max(area, 1e-12)
+        residual, _ = self._surface_rows(self.control.astype(np.float32), None)
+        # A wildly wrong start must not let the volume row throw the search off.
+        self._volume_offset = float(np.clip(displacement, -0.3, 0.3)) - self._mean(residual)
+        self._bend, self._area_weight, self._area_offset = np.zeros_like(residual), 0.0, 0.0
+        if self._wanted_area is None:
+            return
+        area = mesh_area(self.control, 64)
+        if area >= self._wanted_area and not self.settings.area_stays:
+            return
+        self._area_weight = self.settings.area_weight
+        roof = self.settings.curvature_roof
+        # The area grows by twice the mean curvature times the displacement.
+        curvature_of_rows(self._surface, self.control.astype(np.float32), self._bend)
+        np.clip(self._bend, -roof, roof, out=self._bend)
+        expected = self._mean(self._bend * residual)
+        self._area_offset = area / self._wanted_area - 1.0 - expected
+
+    def take_more_points(self) -> bool:
+        """From now on ask at more surface points, so that their choice no longer counts, where that pays."""
+        # On few or long voxels, of which no area is known, the avatar would only follow the steps.
+        if not np.isfinite(self.prepared.area) or self.hull.shape[1] < 3 * self._surface.shape[1]:
+            return False
+        self._least_points = self.settings.points_at_end
+        self._renew()
+        return True
+
+    def strive_for_area(self) -> bool:
+        """From now on also push edges out until the area is right; return whether it is too small."""
+        settings, prepared = self.settings, self.prepared
+        if settings.area_weight <= 0 or self.rms() < settings.area_noise * prepared.fineness:
+            return False
+        averaged_in_blocks = prepared.fineness < prepared.voxel
+        of_many = self._are_many() and not averaged_in_blocks
+        wanted = prepared.area * (1 - (settings.area_slack_of_many if of_many else settings.area_slack))
+        if not np.isfinite(wanted) or (area := mesh_area(self.control, 64)) >= wanted:
+            return False
+        self._wanted_area = min(wanted, area * (1 + settings.most_area_gain))
+        self._renew()
+        return True
+
+    def _surface_rows(self, control: np.ndarray, scale: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Return distance and f at the surface subset; `scale` is 2/g, measured here if None."""
+        field = np.empty(self._surface.shape[1], dtype=np.float32)
+        field_of_rows(self._surface, control, field)
+        if scale is None:
+            steepness = np.empty_like(field)
+            steepness_of_rows(self._surface, control, steepness)
+            roof = self.settings.steepness_roof_for(control.shape[1])
+            scale = 2 / np.clip(steepness, self.settings.steepness_floor, roof)
+            self._scale = scale
+        return scale * (1 - field**-0.5), field
+
+    def _cost(self, control: np.ndarray) -> tuple[float, _State]:
+        """Return half the sum of squares at `control`, and what its derivative needs."""
+        single = control.astype(np.float32)
+        residual, field = self._surface_rows(single, self._scale)
+        inner = np.empty(self._interior.shape[1], dtype=np.float32)
+        field_of_rows(self._interior, single, inner)
+        hinge = np.minimum(self._interior_side * (1 - inner**-0.5) - self._interior_target, 0)
+        hinge *= self._interior_weight
+        depth, slope = depths_of(self.prepared, control[:3])
+        shallow = np.maximum(self.soft_depth - depth, 0) * (
+            self.settings.depth_weight / np.sqrt(control.shape[1])
+        )
+        volume = self._volume_weight * (self._mean(residual) + self._volume_offset)
+        area = self._area_weight * (self._mean(self._bend * residual) + self._area_offset)
+        cost = (
+            float(np.sum(np.square(self._row_weight * residual, dtype=np.float64)))
+            + float(np.sum(np.square(hinge, dtype=np.float64)))
+            + float(shallow @ shallow)
+            + volume**2
+            + area**2
+        )
+        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, volume, area)
+
+    def _normal_equations(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
+        residual, field, hinge, inner, shallow, slope, volume, area = state
+        n = self.control.shape[1]
+        active = np.flatnonzero(hinge < 0)
+        weight = self._row_weight
+        points = np.ascontiguousarray(np.hstack([self._surface, self._interior[:, active]]))
+        # d(1 - u)/df = f**(-3/2) / 2.
+        factor = np.concatenate([
+            0.5 * self._scale * weight * field**-1.5,
+            0.5 * (self._interior_side * self._interior_weight)[active] * inner[active] ** -1.5,
+        ]).astype(np.float32)  # fmt: skip
+        rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
+        jacobian_of_rows(points, self.control.astype(np.float32), factor, rows)
+        matrix, gradient = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
+        add_normal_matrix(
+            rows, np.concatenate([residual * weight, hinge[active]]).astype(np.float32), matrix, gradient
+        )
+        share, mean = self._share / weight, np.empty(4 * n)
+        weighted_sums_of_rows(rows, share, mean)
+        mean *= self._volume_weight
+        matrix += np.outer(mean, mean)
+        gradient += mean * volume
+        if self._area_weight:
+            bent = np.empty(4 * n)
+            weighted_sums_of_rows(rows, self._bend * share, bent)
+            bent *= self._area_weight
+            matrix += np.outer(bent, bent)
+            gradient += bent * area
+        # Each control point's depth row touches only its own three places.
+        low = np.flatnonzero(shallow > 0)
+        rows_of_depth = -self.settings.depth_weight / np.sqrt(n) * slope[:, low]
+        for a in range(3):
+            gradient[(a + 1) * n + low] += rows_of_depth[a] * shallow[low]
+            for b in range(3):
+                matrix[(a + 1) * n + low, (b + 1) * n + low] += rows_of_depth[a] * rows_of_depth[b]
+        return matrix, gradient
+
+    def _moved(self, step: np.ndarray) -> np.ndarray:
+        """Return the control points after a step: bounded, and none shallower than allowed."""
+        n = self.control.shape[1]
+        moved = self.control.copy()
+        moved[3] *= np.exp(np.clip(step[:n], -0.7, 0.7))
+        moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
+        # A point that is too shallow already (in a spike) may stay so, but go no further out:
+        # were it moved at every trial, the shortest step would still not be a small change.
+        self.keep_deep(moved)
+        return moved
+
+    def settle(self) -> None:
+        """Bring the control points of a start to where the search allows them, as far as the shape lets."""
+        settle_in(self.prepared, self.control, self.hard_depth)
+
+    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal matrix (lower triangle) and gradient at the control points as they stand."""
+        self._surface_rows(self.control.astype(np.float32), None)
+        return self._normal_equations(self._cost(self.control)[1])
+
+    def surface_rows_at(self, control: Float64[np.ndarray, "4 n"]) -> tuple[np.ndarray, ...]:
+        """Return the surface points in use, their weighted residuals and the derivatives of these by f."""
+        residual, field = self._surface_rows(control.astype(np.float32), None)
+        weight = self._row_weight
+        return self._surface, weight * residual, (0.5 * weight * self._scale * field**-1.5).astype(np.float32)
+
+    def depth_of(self, points: Float64[np.ndarray, "3 p"]) -> Float64[np.ndarray, "p"]:
+        """Return the depth of points (rows x, y, z) below the surface."""
+        return depths_of(self.prepared, points)[0]
+
+    def keep_deep(self, moved: Float64[np.ndarray, "4 n"]) -> None:
+        """Push control points inward, in place, where they came shallower than a step may bring them."""
+        least = np.minimum(self.hard_depth, self.depth_of(self.control[:3]))
+        push_in(self.prepared, moved, least, self.control)
+
+    def pushed_in(self, points: Float64[np.ndarray, "3 p"], depth: float) -> Float64[np.ndarray, "3 p"]:
+        """Return points (rows x, y, z) moved inward to a depth, as far as the shape lets."""
+        moved = points.copy()
+        push_in(self.prepared, moved, np.full(points.shape[1], depth), points)
+        return moved
+
+    def advance(self) -> bool:
+        """Make one step; return False where no damping finds a lower sum of squares."""
+        every = self.settings.renew_many_every if self._are_many() else self.settings.renew_every
+        if self.iteration and self.iteration % every == 0:
+            self._renew()
+        self.iteration += 1
+        self._surface_rows(self.control.astype(np.float32), None)  # the lagged g
+        cost, state = self._cost(self.control)
+        matrix, gradient = self._normal_equations(state)
+        diagonal = np.diagonal(matrix).copy()
+        diagonal += 1e-3 * diagonal.mean()
+        factor, step = np.zeros_like(matrix), np.empty_like(gradient)
+        for _ in range(8):
+            if solve_damped(matrix, self.damping * diagonal, gradient, factor, step):
+                trial = self._moved(step)
+                if self._cost(trial)[0] < cost:
+                    self.control = trial
+                    self.damping = max(self.damping / 3, 1e-6)
+                    return True
+            self.damping = min(self.damping * 4, 1e8)
+        return False

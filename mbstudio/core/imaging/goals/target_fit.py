@@ -1,0 +1,244 @@
+"""The fit with as few control points as reach a target, as a step object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from mbstudio.core.errors import FitError
+from mbstudio.core.grains.grain import Grain
+from mbstudio.core.imaging.goals.likeness import Likeness
+from mbstudio.core.imaging.goals.target import FitTarget
+from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
+from mbstudio.core.imaging.steps import FitResult, SearchStep
+
+_FIRST = 10
+
+
+class SmallestNumber:
+    """The order in which numbers of control points are tried: doubled until one will do, then bisected.
+
+    Attributes
+    ----------
+    most : int
+        Tried at most.
+    too_few : int
+        The largest number that is known not to do (0: none was tried).
+    enough : int or None
+        The smallest number found that will do.
+
+    Notes
+    -----
+    The error falls with n but for a few percent of noise. What is found will do, and the number before it
+    will not; that no smaller one would, by chance, is not known.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.too_few = 0
+        self.enough: int | None = None
+
+    def next(self) -> int | None:
+        """Return the number to be tried next; None at the end."""
+        if self.enough is not None:
+            return (self.too_few + self.enough) // 2 if self.enough - self.too_few > 1 else None
+        return min(max(_FIRST, 2 * self.too_few), self.most) if self.too_few < self.most else None
+
+    def tell(self, n: int, *, will_do: bool) -> None:
+        """Take down what came of a number."""
+        if will_do:
+            self.enough = n
+        else:
+            self.too_few = n
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A finished fit and what it has reached."""
+
+    run: StepRun
+    result: FitResult
+    values: Mapping[str, float]
+    is_met: bool
+    shortfall: float
+
+    def is_better_than(self, other: _Tried | None) -> bool:
+        """Return whether this one is to be kept: the smaller of two that will do, or the truer."""
+        if other is None:
+            return True
+        if self.is_met or other.is_met:
+            return self.is_met and (not other.is_met or self.result.n < other.result.n)
+        mine = (not self.result.verdict.valid, self.shortfall, self.result.n)
+        return mine < (not other.result.verdict.valid, other.shortfall, other.result.n)
+
+
+class TargetFit:
+    """Step object that looks for the smallest number of control points that reaches a target.
+
+    Every number is a fit of its own, so that the result is that of ``fit(grain, n)`` with the number found,
+    whatever was tried before. The steps say in their note which number they belong to.
+
+    Parameters
+    ----------
+    grain : Grain
+    target : FitTarget
+    start : callable
+        Returns the step object of a fit with n control points.
+    """
+
+    def __init__(self, grain: Grain, target: FitTarget, start: Callable[[int], StepRun]) -> None:
+        self.grain = grain
+        self.target = target
+        self._start = start
+        self._numbers = SmallestNumber(target.most)
+        self._first = start(1)  # what no number of control points can cure is refused at once
+        self._likeness: Likeness | None = None
+        self._run: StepRun | None = None
+        self._best: _Tried | None = None
+        self._held: int | None = None
+        self._failure: FitError | None = None
+        self._given_up = False
+        self._ended = False
+        self._steps: Iterator[SearchStep] = self._all_steps()
+
+    def __iter__(self) -> Iterator[SearchStep]:
+        return self
+
+    def __next__(self) -> SearchStep:
+        return next(self._steps)
+
+    def change_control_points(self, n: int) -> None:
+        """Give the target up, and go on with n control points from the fit at hand.
+
+        Raises
+        ------
+        FitError
+            If the grain cannot hold n control points; the search then stays as it was.
+        """
+        run = self._at_hand()
+        run.change_control_points(n)
+        self._give_up(run)
+
+    def more_generations(self, count: int) -> None:
+        """Let the fit at hand go on for `count` more generations, whatever the target says.
+
+        Raises
+        ------
+        FitError
+            If the search has not begun, or `count` is not positive.
+        """
+        run = self._at_hand()
+        run.more_generations(count)
+        self._give_up(run)
+
+    def result(self) -> FitResult:
+        """Return the smallest avatar that reaches the target, or the best there is, with a warning.
+
+        Raises
+        ------
+        FitError
+            If no search has begun.
+        """
+        if self._given_up:
+            return self._at_hand().result()
+        best = self._best
+        if best is None or not (best.is_met or self._ended):
+            return self._stopped()
+        found = replace(best.result, target=str(self.target), reached=dict(best.values))
+        return found if best.is_met else _warned(found, self._why(best))
+
+    # ---- the search ----------------------------------------------------------------------------
+
+    def _all_steps(self) -> Iterator[SearchStep]:
+        before = f"target {self.target}"
+        while (n := self._numbers.next()) is not None:
+            try:
+                run = self._new_run(n)
+                for step in run:
+                    said = (f"n = {n}", before, step.note)
+                    yield replace(step, note="; ".join(part for part in said if part))
+                    before = ""
+            except TooManyControlPoints as error:
+                self._held = self._numbers.most = error.most
+                continue
+            except FitError as error:  # one number that cannot be fitted must not end the search
+                self._failure = error
+                self._numbers.tell(n, will_do=False)
+                before = f"n = {n} could not be fitted: {error}"
+                continue
+            tried = self._tried(run)
+            self._numbers.tell(n, will_do=tried.is_met)
+            before = f"n = {n} {'reached' if tried.is_met else 'missed'} the target: {self._told(tried)}"
+            if tried.is_better_than(self._best):
+                self._best = tried
+        if self._best is None and self._failure is not None:
+            raise self._failure
+        self._ended = True
+
+    def _new_run(self, n: int) -> StepRun:
+        """Return the step object of n control points; the grain is prepared only once."""
+        prepared = self._run.prepared if self._run is not None else None
+        self._run = self._first if n == 1 else self._start(n)
+        if self._run.prepared is None:
+            self._run.prepared = prepared
+        return self._run
+
+    def _tried(self, run: StepRun) -> _Tried:
+        if self._likeness is None:
+            self._likeness = Likeness(self.grain, run.options.cavities)
+        result = run.result()
+        values = self.target.values(result, self._likeness)
+        is_met = result.verdict.valid and self.target.is_met(values)
+        return _Tried(run, result, values, is_met, self.target.shortfall(values))
+
+    def _told(self, tried: _Tried) -> str:
+        told = self.target.told(tried.values)
+        return told if tried.result.verdict.valid else f"{told}, and the avatar is not valid"
+
+    # ---- what is at hand -----------------------------------------------------------------------
+
+    def _at_hand(self) -> StepRun:
+        if self._ended and not self._given_up and self._best is not None:
+            return self._best.run
+        return self._run or self._first
+
+    def _give_up(self, run: StepRun) -> None:
+        self._run, self._given_up, self._steps = run, True, iter(run)
+        self._best = None
+
+    def _stopped(self) -> FitResult:
+        """Return the truest avatar of a search that was stopped before any reached the target."""
+        now = self._at_hand()
+        if now.control is None and self._best is not None:
+            now = self._best.run
+        result, values = now.result(), {}
+        if self._best is not None and now is self._best.run:
+            values = dict(self._best.values)
+        found = replace(result, target=str(self.target), reached=values)
+        return _warned(found, f"The search for the target '{self.target}' was stopped before it was reached.")
+
+    def _why(self, best: _Tried) -> str:
+        """Return in words that the target was not reached, and why."""
+        result, missed = best.result, self.target.told(best.values, only_missed=True)
+        faults = [f"has {missed}"] if missed else []
+        if not result.verdict.valid:
+            faults.append("is not valid")
+        told = (
+            f"The target '{self.target}' was not reached: the best avatar, of n = {result.n}, "
+            f"{' and '.join(faults)}. "
+        )
+        if self._held is not None:
+            told += f"Its {self.grain.voxel_count} voxels hold {self._held} control points at most"
+            cure = "Scan finer, or ask for less."
+        else:
+            told += f"More than {self.target.most} control points were not allowed"
+            cure = f"Allow more ('... and n {2 * self.target.most}'), or ask for less."
+        share = max(self.grain.voxel_size.xyz) / self.grain.nominal_diameter
+        if any(aim.measure in ("hausdorff", "rms") and aim.limit < share for aim in self.target.aims):
+            told += f"; a voxel is {100 * share:.2g} % of D_n, and finer shape is not in the scan"
+        return f"{told}. {cure}"
+
+
+def _warned(result: FitResult, warning: str) -> FitResult:
+    verdict = replace(result.verdict, warnings=(*result.verdict.warnings, warning))
+    return replace(result, verdict=verdict)

@@ -1,0 +1,306 @@
+"""The paper's method: Algorithm 1 to the letter, then the gradient search of Algorithm 2.
+
+What the paper leaves open is an option of
+:class:`~mbstudio.core.imaging.paper.gradient_search.PaperOptions`, with its reason. The optimisers
+are written out here, a few lines each, with the arithmetic of ``torch.optim.Adam`` and
+``torch.optim.SGD``: the gradient is analytic, so torch would add only its seconds of import and
+its threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+from jaxtyping import Float64
+from numba import njit
+
+from mbstudio.core.errors import FitError
+from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
+from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
+from mbstudio.core.imaging.run import StepRun, clustered
+from mbstudio.core.imaging.start.control_points import control_of_spheres
+from mbstudio.core.imaging.start.sphere_clustering import Sphere, cluster_overlapping, cluster_to_the_letter
+from mbstudio.core.imaging.steps import SearchStep
+from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_at
+
+
+@dataclass(frozen=True)
+class PaperOptions:
+    """Options of ``method='paper'``: every choice that the paper leaves open.
+
+    Attributes
+    ----------
+    generations : int
+        E_gs. The paper gives no number.
+    learning_rate : float
+        eta; 0.001 in the paper, for Adam and SGD alike. In units of `unit`.
+    adam_share : float
+        Part of the generations done by Adam; the rest by SGD. The paper combines both without a
+        schedule: Adam travels fast, SGD ends its jitter (the loss has a kink at f = 1).
+    beta1, beta2, epsilon : float
+        Of Adam (Kingma and Ba's values).
+    momentum : float
+        Of SGD; 0 is plain gradient descent, as printed.
+    batch_points : int
+        Hull points, drawn anew by the seed, that a generation of SGD sees; 0 for all of them. The
+        paper calls the descent stochastic, but its loss sums over the whole hull.
+    weight : {'square', 'radius'}
+        Start from k = r**2 (one sphere is then its own metaball), or from k = r as printed.
+    radius_offset : float
+        Voxels taken off the radius that the distance transform gives: it reaches to the centre of
+        the nearest voxel outside, the surface lies half a voxel before it. 0 as printed.
+    common_factor : bool
+        Whether all k are first divided by one factor so that ln f is 0 on average over the hull.
+    parameter : {'k', 'ln k'}
+        What the optimisers move besides the places: ln k, which cannot leave the positive numbers,
+        or k as printed (kept above `least_k`). With k, plain SGD at the paper's learning rate
+        jumps about the kink of the loss: measured, it ends at 3 to 10 times the loss that Adam
+        had reached.
+    least_k : float
+        Floor of k for parameter='k', in working lengths squared.
+    reduction : {'mean', 'sum'}
+        Whether the gradient is that of the mean over the hull points, or of the sum as printed
+        (then SGD's step grows with the number of points). The loss reported is always the mean.
+    unit : {'rms radius', 'voxel'}
+        The length that counts as 1 to the optimisers. The paper only shifts to the origin and
+        names no unit; with voxels a learning rate of 0.001 moves a thousandth of a voxel a
+        generation, and E_gs must be tens of thousands.
+    hull : {'surface', 'voxels'}
+        H: points spread evenly over the smoothed surface, or the centres of the outermost voxels,
+        which lie half a voxel inside.
+    zeroed : {'open', 'closed'}
+        Whether Algorithm 1 zeroes the voxels nearer than the radius, or those at the radius too.
+    used_up : {'overlap', 'stop'}
+        Where Algorithm 1 finds no voxel left before n spheres (in a ball, after one): go on with
+        spheres that overlap, or refuse n.
+    working_side : int
+        Longest side of the working grid in voxels; larger grains are averaged in blocks. The paper
+        works on all voxels.
+    hull_points : int
+        Points of the hull at most. The paper works on all of them.
+    cavities : {'fill', 'keep'}
+        Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have
+        them: a void of its own for each, as far as n allows, which is then no fault.
+    clustering : {'letter', 'incremental'}
+        A distance transform for each sphere, or one lowered locally.
+    """
+
+    generations: int = 1500
+    learning_rate: float = 0.001
+    adam_share: float = 0.8
+    beta1: float = 0.9
+    beta2: float = 0.999
+    epsilon: float = 1e-8
+    momentum: float = 0.0
+    batch_points: int = 0
+    weight: Literal["square", "radius"] = "square"
+    radius_offset: float = 0.5
+    common_factor: bool = True
+    parameter: Literal["k", "ln k"] = "ln k"
+    least_k: float = 1e-8
+    reduction: Literal["mean", "sum"] = "mean"
+    unit: Literal["rms radius", "voxel"] = "rms radius"
+    hull: Literal["surface", "voxels"] = "surface"
+    zeroed: Literal["open", "closed"] = "open"
+    used_up: Literal["overlap", "stop"] = "overlap"
+    working_side: int = 200
+    hull_points: int = 24_000
+    cavities: Cavities = "fill"
+    clustering: Literal["letter", "incremental"] = "letter"
+
+    def __post_init__(self) -> None:
+        for name, kind in get_type_hints(PaperOptions).items():
+            value = getattr(self, name)
+            if get_origin(kind) is Literal and value not in get_args(kind):
+                raise FitError(
+                    f"{name} = {value!r} is no choice of method 'paper': use one of {get_args(kind)}."
+                )
+        above_zero = ("learning_rate", "epsilon", "least_k")
+        bad = [name for name in above_zero if not getattr(self, name) > 0]
+        whole = {"generations": 1, "working_side": 4, "hull_points": 10, "batch_points": 0}
+        bad += [name for name, least in whole.items() if getattr(self, name) < least]
+        bad += [name for name in ("beta1", "beta2", "momentum") if not 0 <= getattr(self, name) < 1]
+        bad += [name for name, most in (("adam_share", 1.0), ("radius_offset", 1.0))
+                if not 0 <= getattr(self, name) <= most]  # fmt: skip
+        if self.zeroed == "closed" and self.clustering == "incremental":
+            bad.append("zeroed")  # the lowered transform knows spheres, not voxels
+        if bad:
+            raise FitError(
+                f"{bad[0]} = {getattr(self, bad[0])!r} does not suit method 'paper': generations is 1 or "
+                "more, working_side 4, hull_points 10, batch_points 0; learning_rate, epsilon and least_k "
+                "are above 0; adam_share and radius_offset from 0 to 1; beta1, beta2 and momentum from 0 to "
+                "below 1; zeroed = 'closed' needs clustering = 'letter'."
+            )
+
+
+@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+def _parameter_gradient(points, slope, control, out):  # pragma: no cover - compiled
+    """Write sum over points of slope * df/d(x, y, z, k) of each control point; rows as in `control`."""
+    n, total = control.shape[1], points.shape[1]
+    for i in range(n):
+        cx, cy, cz, k = control[0, i], control[1, i], control[2, i], control[3, i]
+        by_x = by_y = by_z = by_k = 0.0
+        px, py, pz = points[0], points[1], points[2]
+        for p in range(total):
+            dx, dy, dz = px[p] - cx, py[p] - cy, pz[p] - cz
+            inverse = 1.0 / (dx * dx + dy * dy + dz * dz)
+            term = slope[p] * inverse
+            by_k += term
+            term *= inverse
+            by_x += term * dx
+            by_y += term * dy
+            by_z += term * dz
+        out[0, i], out[1, i], out[2, i], out[3, i] = 2 * k * by_x, 2 * k * by_y, 2 * k * by_z, by_k
+
+
+def loss_and_gradient(
+    hull: Float64[np.ndarray, "m 3"], control: Float64[np.ndarray, "4 n"]
+) -> tuple[float, Float64[np.ndarray, "4 n"]]:
+    """Return the mean of Eq. GSloss over hull points and its gradient by the rows x, y, z, k."""
+    field = field_at(hull, control)
+    gradient = np.empty_like(control)
+    _parameter_gradient(np.ascontiguousarray(hull.T), point_loss_slope(field) / len(field), control, gradient)
+    return mean_loss(field), gradient
+
+
+class Adam:
+    """Adaptive moment estimation, as ``torch.optim.Adam`` without weight decay."""
+
+    def __init__(self, learning_rate: float, beta1: float, beta2: float, epsilon: float) -> None:
+        self.learning_rate, self.beta1, self.beta2, self.epsilon = learning_rate, beta1, beta2, epsilon
+        self._first: np.ndarray | float = 0.0
+        self._second: np.ndarray | float = 0.0
+        self._count = 0
+
+    def change(self, gradient: np.ndarray) -> np.ndarray:
+        """Return what to add to the parameters for this gradient."""
+        self._count += 1
+        self._first = self.beta1 * self._first + (1 - self.beta1) * gradient
+        self._second = self.beta2 * self._second + (1 - self.beta2) * gradient**2
+        first = self._first / (1 - self.beta1**self._count)
+        second = self._second / (1 - self.beta2**self._count)
+        return -self.learning_rate * first / (np.sqrt(second) + self.epsilon)
+
+
+class GradientDescent:
+    """Descent with momentum, as ``torch.optim.SGD``; every generation sees all hull points."""
+
+    def __init__(self, learning_rate: float, momentum: float) -> None:
+        self.learning_rate, self.momentum = learning_rate, momentum
+        self._velocity: np.ndarray | None = None
+
+    def change(self, gradient: np.ndarray) -> np.ndarray:
+        """Return what to add to the parameters for this gradient."""
+        self._velocity = gradient if self._velocity is None else self.momentum * self._velocity + gradient
+        return -self.learning_rate * self._velocity
+
+
+class PaperFit(StepRun):
+    """Step object of ``method='paper'``; see :class:`~mbstudio.core.imaging.steps.FitRun`."""
+
+    method = "paper"
+    options: PaperOptions
+    _begun = False  # whether the control points as they stand have been a step
+
+    def _prepare(self) -> PreparedGrain:
+        options = self.options
+        return prepare(
+            self.grain, self.seed, working_side=options.working_side, hull_points=options.hull_points,
+            hull=options.hull, cavities=options.cavities,
+        )  # fmt: skip
+
+    def _further_spheres(self, n: int) -> Iterator[Sphere]:
+        assert self.prepared is not None
+        prepared, options, before = self.prepared, self.options, len(self._spheres_found)
+        if options.clustering == "incremental":
+            yield from clustered(prepared, n)[before:]
+            return
+        found = list(self._spheres_found)
+        for sphere in cluster_to_the_letter(
+            prepared.mask, prepared.spacing, n, found=tuple(found), closed=options.zeroed == "closed"
+        ):
+            found.append(sphere)
+            yield sphere
+        if len(found) < n and options.used_up == "overlap":
+            transform = prepared.distance + np.float32(0.5 * prepared.voxel)
+            yield from cluster_overlapping(transform, prepared.spacing, found, n, prepared.voxel)
+
+    def _control_of(self, spheres: Sequence[Sphere]) -> np.ndarray:
+        assert self.prepared is not None
+        options = self.options
+        return control_of_spheres(
+            self.prepared, spheres, weight=options.weight, common_factor=options.common_factor,
+            radius_offset=options.radius_offset,
+        )  # fmt: skip
+
+    def _begin_at(self, control: np.ndarray) -> float:
+        assert self.prepared is not None
+        self.control, self._begun = control, False
+        return mean_loss(field_at(self.prepared.hull, control))
+
+    def _rms_now(self) -> float:
+        assert self.prepared is not None
+        assert self.control is not None
+        points = self.prepared.hull[:: max(1, len(self.prepared.hull) // 3000)]
+        field, gradient = field_and_gradient_at(points, self.control)
+        steepness = np.clip(np.linalg.norm(gradient, axis=1) / field, 0.7, 6.0)
+        return float(np.sqrt(np.mean(np.square(2 * (1 - field**-0.5) / steepness))))
+
+    def _search(self, generations: int) -> Iterator[SearchStep]:
+        assert self.prepared is not None
+        assert self.control is not None
+        options, hull = self.options, self.prepared.hull
+        adam = Adam(options.learning_rate, options.beta1, options.beta2, options.epsilon)
+        descent = GradientDescent(options.learning_rate, options.momentum)
+        adam_until = round(options.adam_share * generations)
+        rng = np.random.default_rng([self.seed, 3, self.generation + 1])
+        last = max(self.generation, 0) + generations
+        loss, gradient = loss_and_gradient(hull, self.control)
+        if not self._begun:
+            self._begun = True
+            yield self._record(loss, self._rms_now(), last, self._take_note())
+        for done in range(generations):
+            optimiser: Adam | GradientDescent = adam if done < adam_until else descent
+            if optimiser is descent and 0 < options.batch_points < len(hull):
+                batch = hull[rng.choice(len(hull), options.batch_points, replace=False)]
+                gradient = loss_and_gradient(batch, self.control)[1]
+            self.control = self._moved(self.control, gradient, optimiser)
+            loss, gradient = loss_and_gradient(hull, self.control)
+            note = "SGD takes over from Adam" if done == adam_until and adam_until else ""
+            yield self._record(loss, self._rms_now(), last, note)
+
+    def _moved(
+        self, control: np.ndarray, gradient: np.ndarray, optimiser: Adam | GradientDescent
+    ) -> np.ndarray:
+        """Return the control points after one generation, given the gradient of the mean loss."""
+        assert self.prepared is not None
+        options, moved, slope = self.options, control.copy(), gradient.copy()
+        # Optimisers see lengths in `unit`: places are longer by this factor, slopes flatter.
+        length = 1.0 if options.unit == "rms radius" else 1.0 / self.prepared.voxel
+        if options.reduction == "sum":
+            slope *= len(self.prepared.hull)
+        slope[:3] /= length
+        if options.parameter == "ln k":
+            slope[3] *= moved[3]
+            change = optimiser.change(slope)
+            moved[3] *= np.exp(np.clip(change[3], -50, 50))
+        else:
+            slope[3] /= length**2
+            change = optimiser.change(slope)
+            moved[3] = np.maximum(moved[3] + change[3] / length**2, options.least_k)
+        moved[:3] += change[:3] / length
+        sound = (
+            np.isfinite(moved).all()
+            and np.abs(moved[:3]).max() < 1e3
+            and 0 < moved[3].min() <= moved[3].max() < 1e6
+        )
+        if not sound:
+            raise FitError(
+                f"The paper's search diverged at generation {self.generation + 1} "
+                f"on grain '{self.grain.name}': "
+                f"take a smaller learning_rate than {options.learning_rate:g}."
+            )
+        return moved

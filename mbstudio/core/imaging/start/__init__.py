@@ -1,0 +1,4 @@
+"""Where a search starts: spheres packed into the grain, thinned and made control points.
+
+Begin at `sphere_clustering`.
+"""

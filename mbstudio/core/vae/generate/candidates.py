@@ -1,0 +1,257 @@
+"""Candidates of a generation: each checked, mended where that is easy, and measured quickly."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, BinaryIO
+
+import numpy as np
+from jaxtyping import Float, Float64, Int
+
+from mbstudio.core.batch.messages import answer_requests, receive, send
+from mbstudio.core.batch.processes import Child, Crew
+from mbstudio.core.errors import GenerationError
+from mbstudio.core.metaball.topology import topology
+from mbstudio.core.metrics.star_factors import STAR_FACTORS, star_factors
+from mbstudio.core.vae.serialize.serialization import Serialization
+
+Progress = Callable[[float, str], None]
+
+VALID, REPAIRED, PIECES, VOID, UNUSABLE = range(5)
+REASONS = {
+    PIECES: "falls into pieces",
+    VOID: "has a void inside",
+    UNUSABLE: "is no body about its centre",
+}
+"""Why a candidate is refused."""
+
+AXIS_FACTORS: dict[str, Callable[[Any, Any, Any], Any]] = {
+    "elongation": lambda _shortest, intermediate, longest: intermediate / longest,
+    "flatness": lambda shortest, intermediate, _longest: shortest / intermediate,
+    "krumbein": lambda shortest, intermediate, longest: np.cbrt(intermediate * shortest / longest**2),
+    "sneed_folk": lambda shortest, intermediate, longest: np.cbrt(shortest**2 / (intermediate * longest)),
+}
+"""Factors that follow from the quick axis lengths, as in :mod:`mbstudio.core.metrics.factors`."""
+
+QUICK_FACTORS = (*STAR_FACTORS, *AXIS_FACTORS)
+"""Factors that every candidate has."""
+
+_BLOCK = 25
+_MOST_ROUNDS = 12
+_FAR = 4.0
+_PULL = 0.8
+_GROWTH = 1.03
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Avatars of which a generation chooses.
+
+    Attributes
+    ----------
+    shapes : Serialization
+        As they are after the guard; `valid` says which may be chosen.
+    latents : float array, shape (candidates, latent)
+    parents : int array, shape (candidates, ...)
+        Rows of the parents that each was made from.
+    states : int array, shape (candidates,)
+        `VALID` as drawn, `REPAIRED`, or refused for one of `REASONS`.
+    factors : float array, shape (candidates, 11)
+        Those named in `STAR_FACTORS`, in the unit of the shapes.
+    """
+
+    shapes: Serialization
+    latents: Float[np.ndarray, "candidates latent"]
+    parents: Int[np.ndarray, "candidates ..."]
+    states: Int[np.ndarray, " candidates"]
+    factors: Float64[np.ndarray, "candidates 11"]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def column(self, factor: str) -> Float64[np.ndarray, " candidates"]:
+        """Return one factor of every candidate, NaN where it has none; derived ones from the axes."""
+        if factor in STAR_FACTORS:
+            return self.factors[:, STAR_FACTORS.index(factor)]
+        return axis_factor(factor, *(self.column(name) for name in ("shortest", "intermediate", "longest")))
+
+    def joined(self, more: Candidates) -> Candidates:
+        """Return these candidates and then the others."""
+        arrays: dict[str, Any] = {
+            name: np.concatenate([getattr(self.shapes, name), getattr(more.shapes, name)])
+            for name in ("centers", "log_weights", "diameters", "rms", "valid")
+        }
+        shapes = replace(self.shapes, names=(*self.shapes.names, *more.shapes.names), **arrays)
+        return Candidates(
+            shapes,
+            *(
+                np.concatenate([getattr(self, name), getattr(more, name)])
+                for name in ("latents", "parents", "states", "factors")
+            ),
+        )
+
+
+def axis_factor(factor: str, shortest: Any, intermediate: Any, longest: Any) -> Any:
+    """Return one of `AXIS_FACTORS`, elementwise.
+
+    Raises
+    ------
+    GenerationError
+        If the factor does not follow from the axis lengths.
+    """
+    if factor not in AXIS_FACTORS:
+        raise GenerationError(
+            f"'{factor}' does not follow from the axes: use one of {', '.join(AXIS_FACTORS)}."
+        )
+    return AXIS_FACTORS[factor](shortest, intermediate, longest)
+
+
+def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4 n"], int, np.ndarray]:
+    """Check one candidate in its frame (unit D_n); mend it if it can be; measure it if it is a body.
+
+    Returns
+    -------
+    control : float array, shape (4, n)
+    state : int
+    factors : float array, shape (11,)
+        NaN for a candidate that is refused.
+    """
+    nothing = np.full(len(STAR_FACTORS), np.nan)
+    # Nothing so far away belongs to the body, and a grid that reaches there would see nothing of it.
+    if np.isfinite(control).all() and np.abs(control[:3]).max() > _FAR:
+        return control, PIECES, nothing
+    if not (np.isfinite(control).all() and control[3].min() > 0 and control[3].max() < 1e3):
+        return control, UNUSABLE, nothing
+    found = topology(control)
+    state = VALID
+    if not found.is_sound:
+        state = PIECES if found.pieces > 1 else VOID
+        mended = _mended(control)
+        if mended is None:
+            return control, state, nothing
+        control, state = mended, REPAIRED
+    factors = star_factors(control)
+    return control, state if np.isfinite(factors).all() else UNUSABLE, factors
+
+
+def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] | None:
+    """Pull stray control points towards the body and grow weights over voids; None where that fails."""
+    mended = control.copy()
+    found = topology(mended, finest=64)
+    volume = 0.0
+    for _ in range(_MOST_ROUNDS):
+        if found.is_sound and (found := topology(mended)).is_sound:
+            break
+        if found.pieces > 1:
+            stray = found.piece_of_point != 0
+            main = mended[:3, ~stray].T
+            for i in np.flatnonzero(stray):
+                nearest = main[np.square(main - mended[:3, i]).sum(axis=1).argmin()]
+                mended[:3, i] = nearest + _PULL * (mended[:3, i] - nearest)
+        else:
+            volume = volume or float(found.volumes[0])
+            mended[3] *= _GROWTH
+        found = topology(mended, finest=64)
+    else:
+        return None
+    # Growing must not make the clone larger than it was drawn.
+    scale = np.cbrt(volume / float(found.volumes[0])) if volume else 1.0
+    return mended * np.array([scale, scale, scale, scale**2])[:, None]
+
+
+def examined(
+    shapes: Serialization,
+    latents: np.ndarray,
+    parents: np.ndarray,
+    *,
+    processes: int = 1,
+    progress: Progress | None = None,
+) -> Candidates:
+    """Check, mend and measure candidates, the same whatever the number of processes.
+
+    Parameters
+    ----------
+    shapes : Serialization
+    latents, parents : arrays of as many rows
+    processes : int
+        1 works in the calling thread.
+    progress : callable, optional
+        ``progress(share, message)``; what it raises ends the work at once.
+    """
+    control = np.concatenate([shapes.centers.transpose(0, 2, 1), np.exp(shapes.log_weights)[:, None]], axis=1)
+    blocks = [slice(start, start + _BLOCK) for start in range(0, len(control), _BLOCK)]
+    states = np.zeros(len(control), dtype=np.int64)
+    factors = np.full((len(control), len(STAR_FACTORS)), np.nan)
+    items = _here(control, blocks) if processes <= 1 else _on_processes(control, blocks, processes)
+    done = 0
+    try:
+        for block, answer in items:
+            control[block], states[block], factors[block] = (
+                answer["control"], answer["states"], answer["factors"],
+            )  # fmt: skip
+            done += len(answer["states"])
+            if progress is not None:
+                progress(done / len(control), f"{done} of {len(control)} candidates")
+    finally:
+        items.close()
+    powers = np.array([3, 2, 0, 0, 0, 1, 1, 0, 1, 1, 1])
+    return Candidates(
+        replace(
+            shapes,
+            centers=control[:, :3].transpose(0, 2, 1),
+            log_weights=np.log(control[:, 3]),
+            valid=states <= REPAIRED,
+        ),
+        np.asarray(latents),
+        np.asarray(parents),
+        states,
+        factors * shapes.diameters[:, None] ** powers,
+    )
+
+
+def _answer(control: np.ndarray) -> dict[str, np.ndarray]:
+    found = [examine(np.ascontiguousarray(one)) for one in control]
+    return {
+        "control": np.stack([one[0] for one in found]),
+        "states": np.array([one[1] for one in found], dtype=np.int64),
+        "factors": np.stack([one[2] for one in found]),
+    }
+
+
+Answers = Generator[tuple[slice, dict[str, np.ndarray]], None, None]
+
+
+def _here(control: np.ndarray, blocks: Iterable[slice]) -> Answers:
+    for block in blocks:
+        yield block, _answer(control[block])
+
+
+def _on_processes(control: np.ndarray, blocks: list[slice], size: int) -> Answers:
+    waiting, lock = iter(blocks), threading.Lock()
+
+    def next_block() -> slice | None:
+        with lock:
+            return next(waiting, None)
+
+    def work(child: Child, block: slice) -> tuple[slice, dict[str, np.ndarray]]:
+        send(child.requests, {}, {"control": control[block]})
+        return block, receive(child.answers)[1]
+
+    def lost(_block: slice, code: int) -> tuple[slice, dict[str, np.ndarray]]:
+        raise GenerationError(f"A process that checked clones ended with code {code}: try fewer processes.")
+
+    crew = Crew(
+        lambda: Child("mbstudio.core.vae.generate.candidates"), next_block, work, lost, min(size, len(blocks))
+    )
+    return crew.items(len(blocks))
+
+
+def serve() -> None:
+    """Examine candidates until the caller closes the pipe."""
+
+    def answer(answers: BinaryIO, _head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        send(answers, {}, _answer(arrays["control"]))
+
+    answer_requests(answer)

@@ -1,0 +1,117 @@
+"""Learning on: new parents for a style-learner that is trained already."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int
+
+from mbstudio.core.errors import StyleError
+from mbstudio.core.units import conversion_factor
+from mbstudio.core.vae.models.radii import surface_rms
+from mbstudio.core.vae.models.shape_model import model_kind
+from mbstudio.core.vae.models.style_learner import StyleLearner
+from mbstudio.core.vae.models.training import StyleTraining, chosen_device, make_options
+from mbstudio.core.vae.models.training_data import TrainingData
+from mbstudio.core.vae.serialize.serialization import Serialization
+
+_SHORT = {
+    "aligned": {"steps": 2000, "rate": 5e-4, "annealed": 0.0},
+    "paper": {"steps": 2000, "annealed": 0.0},
+    "pca": {},
+}  # type: dict[str, dict[str, Any]]
+
+
+class LearningOn(StyleTraining):
+    """A short training of a trained learner: a step object like :class:`StyleTraining`.
+
+    New parents are learned and the old ones replayed, so that they are not forgotten; those held out
+    before stay so. Preset `pca` is found anew from all of them.
+
+    Parameters
+    ----------
+    learner : StyleLearner
+    new : Serialization
+        One avatar or more, serialized from the learner's template, in whatever unit.
+    seed : int
+    device : {'cpu', 'cuda', 'auto'}
+    **options
+        Of the preset; those of the first training are kept but for steps, rate and annealer.
+
+    Raises
+    ------
+    StyleError
+        If there are no new parents, they are of another template, or one does not belong to the others.
+    """
+
+    def __init__(
+        self, learner: StyleLearner, new: Serialization, *, seed: int = 0, device: str = "cpu", **options: Any
+    ) -> None:
+        if not len(new):
+            raise StyleError("There are no new parents to learn: give one avatar or more.")
+        model = learner.model
+        model.scaler.check(new)
+        kind = model_kind(learner.preset)
+        given = learner.card.settings | _SHORT[learner.preset] | options
+        record = make_options(kind.options, given)
+        if learner.preset == "aligned":
+            record = replace(record, latents=learner.core)
+        parents = joined(learner.parents, new)
+        # Principal components begin anew; the others keep the scale in which they have learned.
+        scaler = None if learner.preset == "pca" else model.scaler
+        whole = TrainingData.of(parents, record.held_out, seed, scaler)
+        known = set(learner.card.held_out)
+        old = np.arange(len(learner.parents))
+        aside = [row for row in old if learner.parents.names[row] in known]
+        order = len(old) + np.random.default_rng([abs(int(seed)), 4]).permutation(len(new))
+        aside += order[: round(record.held_out * len(new))].tolist()
+        rest = np.setdiff1d(np.arange(len(parents)), aside)
+        data = whole.split(rest, np.array(sorted(aside), dtype=np.int64))
+        if learner.preset == "pca":
+            trainer = kind.trainer(data, record, seed, chosen_device(device))
+        else:
+            trainer = kind.trainer(data, record, seed, chosen_device(device), model)
+        trainer.notes = (
+            *trainer.notes,
+            f"Learned on from {len(old)} parents to {len(parents)}: {len(new)} new ones.",
+        )
+        self._old_steps = learner.card.steps
+        self._begin(learner.card.preset, seed, data, trainer, given)  # type: ignore[arg-type]
+        if learner.preset == "aligned":
+            trainer.replay = (rest[rest < len(old)], rest[rest >= len(old)])
+
+    def _judged_by(self) -> Int[np.ndarray, " rows"]:
+        """Return all parents: the new are to be learned and the old not to be forgotten."""
+        return super()._judged_by() if self.preset == "pca" else np.arange(len(self.data.parents))
+
+    def result(self) -> StyleLearner:
+        """Return the learner of the best state so far, of old and new parents."""
+        learner = super().result()
+        card = replace(learner.card, steps=learner.card.steps + self._old_steps)
+        aside = self.data.held_out
+        if self.preset != "pca" and len(aside):  # principal components are those of all parents by now
+            some = self.data.parents.take(aside)
+            made = learner.decode(learner.latents[aside, : learner.core])
+            card = replace(card, held_out_rms=float(surface_rms(some, made).mean()))
+        return replace(learner, card=card)
+
+
+def learn_on(learner: StyleLearner, new: Serialization, *, seed: int = 0, **options: Any) -> LearningOn:
+    """Return the step object that teaches new parents to a trained learner; see :class:`LearningOn`."""
+    return LearningOn(learner, new, seed=seed, **options)
+
+
+def joined(first: Serialization, second: Serialization) -> Serialization:
+    """Return the avatars of both, in the unit and with the template of the first."""
+    factor = conversion_factor(second.unit, first.unit)
+    return replace(
+        first,
+        centers=np.concatenate([first.centers, second.centers]),
+        log_weights=np.concatenate([first.log_weights, second.log_weights]),
+        diameters=np.concatenate([first.diameters, second.diameters * factor]),
+        names=(*first.names, *second.names),
+        rms=np.concatenate([first.rms, second.rms]),
+        valid=np.concatenate([first.valid, second.valid]),
+    )

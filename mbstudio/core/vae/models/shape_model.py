@@ -1,0 +1,85 @@
+"""What the three kinds of style-learner have in common behind the one interface."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.models.features import Scaler
+    from mbstudio.core.vae.serialize.serialization import Serialization
+
+Preset = Literal["aligned", "paper", "pca"]
+PRESETS: tuple[Preset, ...] = ("aligned", "paper", "pca")
+
+Tensors = dict[str, Float[np.ndarray, "..."]]
+"""Numbers of a model by name, as they stand in its file."""
+
+
+class ShapeModel(Protocol):
+    """A trained model: from serialized avatars to latent vectors and back.
+
+    Attributes
+    ----------
+    preset : {'aligned', 'paper', 'pca'}
+    scaler : Scaler
+    core : int
+        Latents of the model proper; those after it are the details that it leaves.
+    dimension : int
+        All latents.
+    signs : float array, shape (8, dimension), or None
+        What each flip of the axes does to the latents; None if nothing simple.
+    bands : tuple of (int, int)
+        Of the sampler; empty if latents are drawn from N(0, 1).
+    """
+
+    preset: ClassVar[Preset]
+
+    @property
+    def scaler(self) -> Scaler: ...
+
+    @property
+    def core(self) -> int: ...
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def signs(self) -> Float[np.ndarray, "8 d"] | None: ...
+    @property
+    def bands(self) -> tuple[tuple[int, int], ...]: ...
+    def encode(self, avatars: Serialization) -> Float[np.ndarray, "avatars d"]: ...
+    def decode(
+        self, latents: Float[np.ndarray, "avatars d"], names: tuple[str, ...] | None = None
+    ) -> Serialization: ...
+    def tensors(self) -> Tensors: ...
+    def settings(self) -> dict[str, Any]: ...
+    @classmethod
+    def shapes(cls, settings: dict[str, Any], n: int) -> dict[str, tuple[int, ...]]: ...
+    @classmethod
+    def from_tensors(cls, scaler: Scaler, tensors: Tensors, settings: dict[str, Any]) -> ShapeModel: ...
+
+
+def model_kind(preset: str) -> type[Any]:
+    """Return the class of a preset's models.
+
+    Raises
+    ------
+    StyleError
+        If there is no such preset.
+    """
+    if preset == "pca":
+        from mbstudio.core.vae.models.principal import PrincipalModel
+
+        return PrincipalModel
+    if preset == "aligned":
+        from mbstudio.core.vae.models.aligned import AlignedModel
+
+        return AlignedModel
+    if preset == "paper":
+        from mbstudio.core.vae.models.paper import PaperModel
+
+        return PaperModel
+    from mbstudio.core.errors import StyleError
+
+    raise StyleError(f"There is no style-learner '{preset}': use one of {', '.join(PRESETS)}.")

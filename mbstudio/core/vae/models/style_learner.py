@@ -1,0 +1,391 @@
+"""MetaballVAE's style-learner: one interface to all presets."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from mbstudio.core.errors import MbstudioError, StyleError
+from mbstudio.core.vae.models.features import Scaler
+from mbstudio.core.vae.models.model_card import ModelCard
+from mbstudio.core.vae.models.sampling import Sample, band_latents, normal_latents, usual_noise
+from mbstudio.core.vae.models.shape_model import ShapeModel, Tensors, model_kind
+from mbstudio.core.vae.serialize.serialization import Serialization, Template
+
+FORMAT = 1
+CARD_FILE = "style-learner.json"
+_KIND = "mbstudio style-learner"
+_LARGEST_CARD = 100 * 2**20
+
+
+_PARENT_ARRAYS = ("centers", "log_weights", "diameters", "rms", "valid")
+
+
+@dataclass(frozen=True, eq=False)
+class StyleLearner:
+    """A trained style-learner: encodes avatars, decodes latent vectors, draws new grains.
+
+    Attributes
+    ----------
+    model : ShapeModel
+        Of preset `aligned`, `paper` or `pca`.
+    parents : Serialization
+        All avatars that it learned from, those held out in training too.
+    latents : float array, shape (parents, d)
+        Their latent vectors. Read-only.
+    card : ModelCard
+
+    Notes
+    -----
+    Latent vectors have `dimension` = d numbers: the first `core` are those of the model proper, the
+    others its details, what it leaves of an avatar (preset `aligned`). Without them :meth:`decode` gives
+    the model's own, smoother avatar.
+    """
+
+    model: ShapeModel
+    parents: Serialization
+    latents: Float[np.ndarray, "parents d"]
+    card: ModelCard
+
+    def __post_init__(self) -> None:
+        latents = np.array(self.latents, dtype=np.float64)
+        if latents.shape != (len(self.parents), self.model.dimension):
+            raise StyleError(
+                f"{len(self.parents)} parents have latent vectors of shape {latents.shape}, not "
+                f"({len(self.parents)}, {self.model.dimension})."
+            )
+        latents.flags.writeable = False
+        object.__setattr__(self, "latents", latents)
+
+    @classmethod
+    def of(cls, model: ShapeModel, parents: Serialization, card: ModelCard) -> StyleLearner:
+        """Return the learner of a model, its parents encoded."""
+        return cls(model, parents, model.encode(parents), card)
+
+    @property
+    def preset(self) -> str:
+        """Which kind of model it is: 'aligned', 'paper' or 'pca'."""
+        return self.model.preset
+
+    @property
+    def template(self) -> Template:
+        """The template from which avatars must be serialized."""
+        return self.model.scaler.template
+
+    @property
+    def unit(self) -> str:
+        """Length unit of the sizes of decoded avatars."""
+        return self.model.scaler.unit
+
+    @property
+    def dimension(self) -> int:
+        """Length d of a latent vector."""
+        return self.model.dimension
+
+    @property
+    def core(self) -> int:
+        """Number of latents of the model proper."""
+        return self.model.core
+
+    @property
+    def signs(self) -> Float[np.ndarray, "8 d"] | None:
+        """What each flip of the axes does to a latent vector; None for preset `paper`."""
+        return self.model.signs
+
+    def encode(self, avatars: Serialization) -> Float64[np.ndarray, "avatars d"]:
+        """Return the latent vectors of avatars, in whatever unit.
+
+        Raises
+        ------
+        StyleError
+            If they are not serialized from the learner's template.
+        """
+        self.model.scaler.check(avatars)
+        return self.model.encode(avatars)
+
+    def decode(
+        self, latents: Float[np.ndarray, "avatars d"], *, names: tuple[str, ...] | None = None
+    ) -> Serialization:
+        """Return the avatars of latent vectors.
+
+        Parameters
+        ----------
+        latents : float array, shape (avatars, d) or (avatars, core)
+            With `core` columns: without details.
+        names : tuple of str, optional
+
+        Raises
+        ------
+        StyleError
+            If the shape is another, or values are not finite.
+        """
+        latents = np.asarray(latents, dtype=np.float64)
+        if latents.ndim != 2 or latents.shape[1] not in (self.core, self.dimension):
+            raise StyleError(
+                f"Latent vectors of shape {latents.shape} cannot be decoded: give "
+                f"(avatars, {self.dimension}), or (avatars, {self.core}) for avatars without details."
+            )
+        if not np.isfinite(latents).all():
+            raise StyleError("Latent vectors hold values that are not finite numbers: give finite ones.")
+        details = np.zeros((len(latents), self.dimension - latents.shape[1]))
+        return self.model.decode(np.concatenate([latents, details], axis=1), names)
+
+    def sample(
+        self, count: int, seed: int = 0, *, mixing: float | None = None, turning: float | None = None
+    ) -> Sample:
+        """Return `count` new grains, not yet checked for validity.
+
+        Parameters
+        ----------
+        count : int
+        seed : int
+            The same seed and count give the same grains.
+        mixing : float, optional
+            Share of noise in form and size, 0 to 1: less stays nearer to the parents. By default 0.6, and
+            0.8 for fewer than 50 parents, between which there is more room.
+        turning : float, optional
+            Share of noise in everything finer, 0 to 1; by default 0.7, and 0.9 for fewer than 50.
+
+        Raises
+        ------
+        StyleError
+            If count is negative, or a share of noise is none.
+        """
+        usual = usual_noise(len(self.parents))
+        mixing, turning = usual[0] if mixing is None else mixing, usual[1] if turning is None else turning
+        rng = np.random.default_rng(seed)
+        if self.signs is None:
+            drawn = normal_latents(count, self.dimension, rng)
+            rows = np.full(count, -1)
+        else:
+            drawn, rows = band_latents(
+                self.latents, self.signs, self.model.bands, count, rng, mixing=mixing, turning=turning
+            )
+        return Sample(self.decode(drawn), drawn, rows)
+
+    def with_quality(self, report: dict[str, object]) -> StyleLearner:
+        """Return the learner with a quality report on its card."""
+        return replace(self, card=self.card.with_quality(report))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the learner into a folder and return it; an older one there is replaced.
+
+        Raises
+        ------
+        StyleError
+            If the folder cannot be written.
+        """
+
+        return write_learner(self, Path(folder))
+
+
+def load_style_learner(folder: str | Path) -> StyleLearner:
+    """Return the style-learner that was saved in a folder.
+
+    Raises
+    ------
+    StyleError
+        If there is none, or a file is damaged, foreign, or from a newer mbstudio; it names the file.
+    """
+
+    return read_learner(Path(folder))
+
+
+def write_learner(learner: StyleLearner, folder: Path) -> Path:
+    """Write a style-learner into a folder; whatever happens, the old or the new one is there.
+
+    The numbers go into a file named after their digest; the JSON file, replaced last, names it.
+
+    Raises
+    ------
+    StyleError
+        If the folder cannot be written.
+    """
+    from safetensors.numpy import save
+
+    from mbstudio.core.replacement import replacing
+
+    content = save({name: np.ascontiguousarray(array) for name, array in learner_tensors(learner).items()})
+    digest = hashlib.sha256(content).hexdigest()
+    weights = f"style-learner-{digest[:12]}.safetensors"
+    entries = {
+        "kind": _KIND,
+        "format": FORMAT,
+        "weights": weights,
+        "sha256": digest,
+        **learner_entries(learner),
+    }
+    text = json.dumps(entries, indent=1, allow_nan=False)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with replacing(folder / weights) as temporary:
+            temporary.write_bytes(content)
+        with replacing(folder / CARD_FILE) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        for older in folder.glob("style-learner-*.safetensors"):
+            if older.name != weights:
+                older.unlink(missing_ok=True)
+    except OSError as error:
+        raise StyleError(
+            f"The style-learner cannot be written into {folder}: {error.strerror or error}. "
+            "Choose a folder that can be written."
+        ) from error
+    return folder
+
+
+def learner_tensors(learner: StyleLearner) -> Tensors:
+    """Return all numbers of a style-learner by the names that they have in a file."""
+    model, parents = learner.model, learner.parents
+    tensors: Tensors = {f"model.{name}": array for name, array in model.tensors().items()}
+    tensors |= {
+        "template.centers": model.scaler.template.centers,
+        "template.log_weights": model.scaler.template.log_weights,
+        "template.exchange": model.scaler.template.exchange,
+        "sizes.logarithms": model.scaler.log_sizes,
+        "sizes.scores": model.scaler.scores,
+        "latents": learner.latents,
+    }
+    if model.scaler.template.stiffness is not None:
+        tensors["template.stiffness"] = model.scaler.template.stiffness
+    return tensors | {f"parents.{name}": getattr(parents, name) for name in _PARENT_ARRAYS}
+
+
+def learner_entries(learner: StyleLearner) -> dict[str, Any]:
+    """Return all else of a style-learner, as what JSON can hold."""
+    model = learner.model
+    return {
+        "preset": model.preset,
+        "n": model.scaler.template.n,
+        "model": model.settings(),
+        "unit": model.scaler.unit,
+        "card": learner.card.as_dict(),
+    }
+
+
+def learner_of(entries: dict[str, Any], tensors: Tensors, source: Path) -> StyleLearner:
+    """Return the style-learner of :func:`learner_entries` and :func:`learner_tensors`.
+
+    Raises
+    ------
+    StyleError
+        If shapes do not agree or the card is not complete; `source` is named.
+    KeyError, TypeError, ValueError
+        If something is missing or of the wrong kind.
+    """
+
+    kind = model_kind(str(entries["preset"]))
+    _check_shapes(tensors, kind.shapes(entries["model"], int(entries["n"])), source)
+    template = Template(
+        tensors["template.centers"],
+        tensors["template.log_weights"],
+        tensors["template.exchange"].astype(np.int64),
+        tensors.get("template.stiffness"),
+    )
+    scaler = Scaler(
+        template,
+        str(entries["unit"]),
+        tensors["sizes.logarithms"],
+        tensors["sizes.scores"],
+    )
+    card = ModelCard.from_dict(entries["card"])
+    parents = Serialization(
+        template=template, unit=scaler.unit, names=card.names,
+        **{name: tensors[f"parents.{name}"] for name in _PARENT_ARRAYS},
+    )  # fmt: skip
+    numbers = {
+        name.removeprefix("model."): array for name, array in tensors.items() if name.startswith("model.")
+    }
+    model = kind.from_tensors(scaler, numbers, entries["model"])
+    return StyleLearner(model, parents, tensors["latents"], card)
+
+
+def read_learner(folder: Path) -> StyleLearner:
+    """Return the style-learner of a folder.
+
+    Raises
+    ------
+    StyleError
+        If there is none, or a file is damaged, foreign, or from a newer mbstudio; it names the file.
+    """
+    path = folder / CARD_FILE
+    entries = read_entries(path)
+    try:
+        weights = folder / Path(str(entries["weights"])).name
+        content = _read(weights)
+        if hashlib.sha256(content).hexdigest() != entries["sha256"]:
+            raise StyleError(
+                f"{weights} is not the file that {path.name} was written with (truncated, changed or from "
+                "another style-learner): copy the whole folder again."
+            )
+        return learner_of(entries, _tensors(content, weights), weights)
+    except (KeyError, TypeError, ValueError) as error:
+        raise StyleError(f"{path} is no complete style-learner ({error!r}): save it again.") from None
+    except MbstudioError as error:
+        if str(path) in str(error) or str(folder) in str(error):
+            raise
+        raise StyleError(f"{path} is no usable style-learner: {error}") from error
+
+
+def read_entries(path: Path) -> dict[str, Any]:
+    """Return the entries of a style-learner's JSON file, known to be of a format that is understood.
+
+    Raises
+    ------
+    StyleError
+        If it is missing, no JSON, foreign or newer.
+    """
+    content = _read(path)
+    if len(content) > _LARGEST_CARD:
+        raise StyleError(f"{path} is {len(content) >> 20} MiB long: it is no style-learner of mbstudio.")
+    try:
+        entries = json.loads(content)
+    except (ValueError, RecursionError):
+        raise StyleError(f"{path} is damaged or no JSON file: take another copy of the folder.") from None
+    if not isinstance(entries, dict) or entries.get("kind") != _KIND:
+        raise StyleError(f"{path} is no style-learner of mbstudio: choose a folder that one was saved in.")
+    form = entries.get("format")
+    if not isinstance(form, int) or isinstance(form, bool) or form < 1:
+        raise StyleError(f"{path} does not say its format: take another copy of the folder.")
+    if form > FORMAT:
+        raise StyleError(
+            f"{path} has format {form}, from a newer mbstudio than this, which reads up to {FORMAT}: "
+            "update mbstudio."
+        )
+    return entries
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise StyleError(f"{path} cannot be read: {error.strerror or error}.") from error
+
+
+def _tensors(content: bytes, path: Path) -> Tensors:
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        tensors = load(content)
+    except (SafetensorError, KeyError, ValueError, TypeError) as error:
+        raise StyleError(f"{path} is damaged or no safetensors file ({error}): copy it again.") from None
+    for name, array in tensors.items():
+        if name != "parents.rms" and not np.isfinite(array).all():
+            raise StyleError(f"{path} holds numbers that are not finite in '{name}': train it again.")
+    return tensors
+
+
+def _check_shapes(tensors: Tensors, wanted: dict[str, tuple[int, ...]], path: Path) -> None:
+    for name, shape in wanted.items():
+        found = tensors.get(f"model.{name}")
+        if found is None or found.shape != shape:
+            raise StyleError(
+                f"{path} has '{name}' of shape {None if found is None else found.shape} where its JSON file "
+                f"asks for {shape}: the two do not belong together."
+            )

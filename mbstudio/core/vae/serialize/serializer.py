@@ -1,0 +1,259 @@
+"""The serializer: grains, meshes and avatars as avatars of one template in one common frame."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Callable, Generator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Int
+
+from mbstudio.core.batch.processes import Child, Crew
+from mbstudio.core.errors import SerializationError, SerializationWarning
+from mbstudio.core.units import conversion_factor, parse_unit
+from mbstudio.core.vae.serialize.fit_target import prepared_body
+from mbstudio.core.vae.serialize.fit_worker import ask, receive_fitted
+from mbstudio.core.vae.serialize.frame import name_of
+from mbstudio.core.vae.serialize.mean_shape import template_of
+from mbstudio.core.vae.serialize.serialization import Serialization, Template
+from mbstudio.core.vae.serialize.template import learned_template, orbit_kinds
+from mbstudio.core.vae.serialize.template_fit import FittedBody, fit_from_template
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.serialize.frame import Body
+
+FEWEST_BODIES = 5
+_FOR_TEMPLATE = 32
+_TEMPLATE_ROUNDS = 2
+_COPY = 1e-5  # D_n and ln k
+_OTHER_SIZE = 30.0
+
+Progress = Callable[[float, str], None]
+
+
+def serialize(
+    bodies: Sequence[Body],
+    n: int = 40,
+    *,
+    template: Template | None = None,
+    unit: str | None = None,
+    names: Sequence[str] | None = None,
+    seed: int = 0,
+    processes: int = 1,
+    on_progress: Progress | None = None,
+) -> Serialization:
+    """Fit every body from one symmetric template, so that control point i means the same in each.
+
+    Each body is laid into its principal frame (centroid, principal axes of inertia, unit D_n) and
+    fitted from the template by Levenberg-Marquardt steps that hold every control point near its
+    place. Without a template one is made: fitted to the mean shape of the bodies and all their
+    flips, then replaced twice by the mean of the fits.
+
+    Parameters
+    ----------
+    bodies : sequence of Grain, Avatar or trimesh.Trimesh
+        At least five, or any number with a template. Avatars of any n are fitted anew to their surfaces.
+    n : int
+        Control points; not used with a template.
+    template : Template, optional
+        Serialize into the order of this one.
+    unit : str, optional
+        Of the diameters, that of the first body by default. For a mesh that carries no unit, the unit
+        that its numbers are in.
+    names : sequence of str, optional
+        One a body; their own by default.
+    seed : int
+        Of the places of surface points.
+    processes : int
+        The result does not depend on it.
+    on_progress : callable, optional
+        ``on_progress(share, message)``; what it raises ends the work at once.
+
+    Raises
+    ------
+    SerializationError
+        If there are too few bodies, or one cannot be serialized: the message names it.
+
+    Warns
+    -----
+    SerializationWarning
+        About copies, bodies more than thirty times larger or smaller than the median, and avatars
+        that are not valid.
+
+    References
+    ----------
+    Zhao et al. (2023), Computers and Geotechnics 161, 105564, section 4 (serializer).
+    """
+    bodies = list(bodies)
+    if template is None and len(bodies) < FEWEST_BODIES:
+        raise SerializationError(
+            f"{len(bodies)} bodies are too few to learn a style from: give at least {FEWEST_BODIES}, "
+            "or the template of a population that they belong to."
+        )
+    if not bodies:
+        raise SerializationError("There are no bodies to serialize.")
+    if processes < 1:
+        raise SerializationError(f"{processes} processes cannot serialize: give 1 or more.")
+    names = [name_of(body, i) for i, body in enumerate(bodies)] if names is None else list(names)
+    if len(names) != len(bodies):
+        raise SerializationError(f"{len(bodies)} bodies have {len(names)} names: give one to each.")
+    asked = None if unit is None else parse_unit(unit)
+    told = _Telling(on_progress, len(bodies), template is None)
+    work = _Work(bodies, names, asked, seed, processes)
+    if template is None:
+        template = _learned_template(work, n, told)
+    told.message = "fitted"
+    fitted = work.fitted(range(len(bodies)), template, told)
+    return _checked(_gathered(fitted, template, names, asked or fitted[0].unit))
+
+
+class _Telling:
+    """Says how far the work is: the rounds for the template, then all bodies."""
+
+    def __init__(self, told: Progress | None, bodies: int, with_template: bool) -> None:
+        rounds = 1 + _TEMPLATE_ROUNDS if with_template else 0
+        self._told, self._all, self._done = told, bodies + rounds * min(bodies, _FOR_TEMPLATE), 0
+        self.message = "seen for the template"
+
+    def one(self) -> None:
+        self._done += 1
+        if self._told is not None:
+            self._told(self._done / self._all, f"{self._done} of {self._all} bodies {self.message}")
+
+
+class _Work:
+    """The bodies, and how any of them are fitted from a template on one process or several."""
+
+    def __init__(
+        self, bodies: Sequence[Body], names: Sequence[str], unit: str | None, seed: int, processes: int
+    ) -> None:
+        self.bodies, self.names, self.unit, self.seed, self.processes = bodies, names, unit, seed, processes
+
+    def fitted(self, rows: Sequence[int], template: Template, told: _Telling) -> list[FittedBody]:
+        """Return the fits of these bodies, in this order."""
+        found: dict[int, FittedBody] = {}
+        items = self._on_processes(rows, template) if self.processes > 1 else self._here(rows, template)
+        try:
+            for row, one in items:
+                found[row] = one
+                told.one()
+        finally:
+            items.close()
+        return [found[row] for row in rows]
+
+    def _here(self, rows: Sequence[int], template: Template) -> Generator[tuple[int, FittedBody], None, None]:
+        for row in rows:
+            yield (
+                row,
+                fit_from_template(
+                    self.bodies[row], template, unit=self.unit, seed=self.seed, name=self.names[row]
+                ),
+            )
+
+    def _on_processes(
+        self, rows: Sequence[int], template: Template
+    ) -> Generator[tuple[int, FittedBody], None, None]:
+        waiting, lock = iter(rows), threading.Lock()
+
+        def next_row() -> int | None:
+            with lock:
+                return next(waiting, None)
+
+        def work(child: Child, row: int) -> tuple[int, FittedBody]:
+            ask(
+                child.requests, self.bodies[row], template,
+                unit=self.unit, seed=self.seed, name=self.names[row],
+            )  # fmt: skip
+            return row, receive_fitted(child.answers)
+
+        def lost(row: int, code: int) -> tuple[int, FittedBody]:
+            raise SerializationError(
+                f"The process that serialized '{self.names[row]}' ended with code {code}: "
+                "try again with fewer processes, which need less memory."
+            )
+
+        crew = Crew(
+            lambda: Child("mbstudio.core.vae.serialize.fit_worker"), next_row, work, lost,
+            min(self.processes, len(rows)),
+        )  # fmt: skip
+        return crew.items(len(rows))
+
+
+def _learned_template(work: _Work, n: int, told: _Telling) -> Template:
+    """Return a template for the bodies, from an even sample of them where they are many."""
+    orbit_kinds(n)  # a bad number of control points is said before any work
+    count = len(work.bodies)
+    rows = np.unique(np.linspace(0, count - 1, min(count, _FOR_TEMPLATE)).astype(int)).tolist()
+    prepared = []
+    for row in rows:
+        prepared.append(prepared_body(work.bodies[row], unit=work.unit, seed=work.seed, name=work.names[row]))
+        told.one()
+    template = template_of(prepared, n)
+    del prepared
+    for _ in range(_TEMPLATE_ROUNDS):
+        fitted = work.fitted(rows, template, told)
+        template = learned_template(
+            np.stack([one.centers for one in fitted]), np.stack([one.log_weights for one in fitted])
+        )
+    return template
+
+
+def _gathered(
+    fitted: Sequence[FittedBody], template: Template, names: Sequence[str], unit: str
+) -> Serialization:
+    return Serialization(
+        template,
+        np.stack([one.centers for one in fitted]),
+        np.stack([one.log_weights for one in fitted]),
+        np.array([one.diameter * conversion_factor(one.unit, unit) for one in fitted]),
+        unit,
+        tuple(names),
+        np.array([one.rms for one in fitted]),
+        np.array([one.valid for one in fitted]),
+    )
+
+
+def copies(serialization: Serialization) -> Int[np.ndarray, " copies"]:
+    """Return the rows of avatars that have the shape of one before them."""
+    shapes = np.concatenate(
+        [serialization.centers.reshape(len(serialization), -1), serialization.log_weights], axis=1
+    )
+    return np.array(
+        [i for i in range(1, len(shapes)) if (np.abs(shapes[:i] - shapes[i]).max(axis=1) < _COPY).any()],
+        dtype=np.int64,
+    )
+
+
+def _checked(serialization: Serialization) -> Serialization:
+    """Return serialized avatars as they are, after warnings of what is odd about them."""
+
+    def listed(rows: np.ndarray) -> str:
+        some = ", ".join(f"'{serialization.names[int(row)]}'" for row in rows[:3])
+        return some + (", ..." if len(rows) > 3 else "")
+
+    count, twice = len(serialization), copies(serialization)
+    sizes = serialization.diameters / np.median(serialization.diameters)
+    odd = np.flatnonzero((sizes > _OTHER_SIZE) | (sizes < 1 / _OTHER_SIZE))
+    bad = np.flatnonzero(~serialization.valid)
+    told = []
+    if len(twice):
+        told.append(
+            f"{len(twice)} of {count} bodies have the shape of another ({listed(twice)}): only "
+            f"{count - len(twice)} shapes can be learned from."
+        )
+    if len(odd):
+        told.append(
+            f"{len(odd)} of {count} bodies ({listed(odd)}) are more than {_OTHER_SIZE:g} times larger or "
+            "smaller than the median. Shapes do not depend on size, but the sizes of new grains will "
+            "follow them: check their units, or leave them out."
+        )
+    if len(bad):
+        told.append(
+            f"{len(bad)} of {count} avatars ({listed(bad)}) are not one piece without a void that holds its "
+            "control points: serialize with a larger n, or leave them out."
+        )
+    for message in told:
+        warnings.warn(message, SerializationWarning, stacklevel=3)
+    return serialization

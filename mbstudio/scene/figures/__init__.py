@@ -1,0 +1,1 @@
+"""Figures for print, with axes: populations, forms, sweeps, and those of the paper."""

@@ -1,0 +1,1 @@
+"""Reports on one HTML page: populations, and the quality of clones."""

@@ -1,0 +1,1 @@
+"""Cards and dialogs of the shell: welcome, guide, preferences, palette, recovery, leaving, about."""

@@ -1,0 +1,1 @@
+"""Station Export: files for DEM engines, with preview and specimen."""

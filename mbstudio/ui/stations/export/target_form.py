@@ -1,0 +1,242 @@
+"""The options of a DEM target as a form; spheres are chosen by their number or by what they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QSpinBox, QVBoxLayout, QWidget
+
+from mbstudio.core.dem.formats.clump_files import CLUMP_TARGET
+from mbstudio.core.dem.shapes.clump_target import MOST_SPHERES
+from mbstudio.core.dem.target import Option, Target
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.widgets.forms import empty, row
+
+# Measure, name, first value, greatest value, step, decimals; values of errors in percent.
+_AIMS = (
+    ("iou", mark("IoU at least"), 0.95, 0.999, 0.01, 3),
+    ("hausdorff", mark("Hausdorff at most"), 3.0, 50.0, 0.5, 2),
+    ("volume", mark("Volume error at most"), 1.0, 50.0, 0.5, 2),
+    ("inertia", mark("Inertia error at most"), 1.0, 50.0, 0.5, 2),
+)
+_TIPS = {
+    "": mark("Every grain gets this many spheres"),
+    "iou": mark(
+        "Volume that clump and avatar share over the volume of both together; as few spheres as will do"
+    ),
+    "hausdorff": mark("Largest distance of both surfaces over Dₙ; as few spheres as will do"),
+    "volume": mark("Error of the clump's volume; as few spheres as will do"),
+    "inertia": mark("Error of the clump's inertia tensor; as few spheres as will do"),
+}
+_TITLES = {
+    "poured": mark("Grains in the example"),
+    "classes": mark("Sizes in a specimen"),
+    "ntry": mark("Monte Carlo points"),
+    "cells": mark("Cells across"),
+    "error": mark("Error at most"),
+    "padding": mark("Cells around"),
+    "shell": mark("Contact mesh, cells"),
+    "nodes": mark("Surface nodes"),
+    "binary": mark("Binary files"),
+    "scaled": mark("Scaled to suit"),
+}
+
+
+class ClumpChoice(QWidget):
+    """How many spheres: a number, or as few as reach a limit.
+
+    Attributes
+    ----------
+    changed : signal
+    """
+
+    changed = Signal()
+
+    def __init__(self, spheres: Option) -> None:
+        super().__init__()
+        self.by = QComboBox()
+        self.by.addItem(tr("A number"), "")
+        for measure, title, *_ in _AIMS:
+            self.by.addItem(tr(title), measure)
+        self.number = QSpinBox()
+        self.number.setRange(int(spheres.minimum or 2), int(spheres.maximum or 2000))
+        self.number.setValue(int(spheres.default))
+        self.limit = QDoubleSpinBox()
+        self.most = QSpinBox()
+        self.most.setRange(2, 2000)
+        self.most.setValue(MOST_SPHERES)
+        for field in (self.number, self.limit, self.most):
+            field.setKeyboardTracking(False)
+        self._number_row = row(tr("Spheres in each clump"), self.number, tr(_TIPS[""]))
+        self._limit_row = row(tr("Limit"), self.limit, "")
+        self._most_row = row(
+            tr("Spheres at most"), self.most, tr("Where these do not reach it, the best is taken")
+        )
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(10)
+        by = row(
+            tr("Choose spheres by"), self.by, tr("Their number, or what the clump of each grain is to reach")
+        )
+        for part in (
+            by,
+            self._number_row,
+            self._limit_row,
+            self._most_row,
+        ):
+            layout.addWidget(part)
+        self.by.currentIndexChanged.connect(self._by_changed)
+        for whole in (self.number, self.most):
+            whole.valueChanged.connect(lambda _: self.changed.emit())
+        self.limit.valueChanged.connect(lambda _: self.changed.emit())
+        self._by_changed()
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The options ``spheres`` and ``clump_target``."""
+        measure = str(self.by.currentData())
+        number = self.number.value()
+        if not measure:
+            return {"spheres": number, CLUMP_TARGET: ""}
+        percent = "" if measure == "iou" else " %"
+        aim = f"{measure} {self.limit.value():g}{percent}"
+        return {"spheres": number, CLUMP_TARGET: f"{aim} and n {self.most.value()}"}
+
+    def aim_at(self, measure: str, limit: float | None = None) -> None:
+        """Choose a measure ('' for a number of spheres) and its limit, errors in percent."""
+        self.by.setCurrentIndex(max(0, self.by.findData(measure)))
+        if limit is not None:
+            self.limit.setValue(limit)
+
+    def _by_changed(self) -> None:
+        measure = str(self.by.currentData())
+        self._number_row.setVisible(not measure)
+        self._limit_row.setVisible(bool(measure))
+        self._most_row.setVisible(bool(measure))
+        for name, _, first, greatest, step, decimals in _AIMS:
+            if name == measure:
+                self.limit.blockSignals(True)
+                self.limit.setDecimals(decimals)
+                self.limit.setRange(10**-decimals, greatest)
+                self.limit.setSingleStep(step)
+                self.limit.setSuffix("" if name == "iou" else " %")
+                self.limit.setValue(first)
+                self.limit.setToolTip(tr(_TIPS[name]))
+                self.limit.blockSignals(False)
+        self.changed.emit()
+
+
+class TargetForm(QWidget):
+    """One row for each option of a DEM target.
+
+    Attributes
+    ----------
+    changed : signal
+    """
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(0, 0, 0, 0)
+        self._layout.setSpacing(10)
+        self.fields: dict[str, QWidget] = {}
+        self.clumps: ClumpChoice | None = None
+
+    def show_target(self, target: Target) -> None:
+        """Show the options of a target at their defaults; of spheres what was chosen before."""
+        before = None if self.clumps is None else self._chosen_clumps()
+        empty(self._layout)
+        self.fields, self.clumps = {}, None
+        for name, option in target.options.items():
+            if name == "spheres" and CLUMP_TARGET in target.options:
+                self.clumps = ClumpChoice(option)
+                if before is not None:
+                    self._choose_clumps(before)
+                self.clumps.changed.connect(self.changed)
+                self._layout.addWidget(self.clumps)
+            elif name != CLUMP_TARGET:
+                field = _field(option)
+                _when_changed(field, self.changed)
+                self.fields[name] = field
+                title = tr(_TITLES[name]) if name in _TITLES else name.capitalize()
+                self._layout.addWidget(row(title, field, option.meaning))
+        cells, error = self.fields.get("cells"), self.fields.get("error")
+        if isinstance(error, QDoubleSpinBox) and cells is not None:
+            error.setDecimals(2)
+            error.setSingleStep(0.1)
+            error.setSuffix(tr(" % of Dₙ"))
+            error.setSpecialValueText(tr("any: by cells"))
+            error.valueChanged.connect(lambda value: cells.setEnabled(value == 0))
+        self.setVisible(bool(target.options))
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """A value for every option of the target."""
+        given = {name: _value(field) for name, field in self.fields.items()}
+        return given if self.clumps is None else {**self.clumps.values, **given}
+
+    def _chosen_clumps(self) -> Mapping[str, Any]:
+        clumps = self.clumps
+        assert clumps is not None
+        return {
+            "by": clumps.by.currentData(), "limit": clumps.limit.value(),
+            "number": clumps.number.value(), "most": clumps.most.value(),
+        }  # fmt: skip
+
+    def _choose_clumps(self, chosen: Mapping[str, Any]) -> None:
+        clumps = self.clumps
+        assert clumps is not None
+        clumps.aim_at(chosen["by"], chosen["limit"] if chosen["by"] else None)
+        clumps.number.setValue(chosen["number"])
+        clumps.most.setValue(chosen["most"])
+
+
+def _field(option: Option) -> QWidget:
+    """Return the field that can hold an option and nothing it refuses."""
+    default = option.default
+    if isinstance(default, bool):
+        box = QCheckBox()
+        box.setChecked(default)
+        return box
+    if isinstance(default, int):
+        whole = QSpinBox()
+        low = 0 if option.minimum is None else option.minimum
+        whole.setRange(int(low), int(10_000_000 if option.maximum is None else option.maximum))
+        whole.setValue(default)
+        whole.setKeyboardTracking(False)
+        return whole
+    if isinstance(default, float):
+        real = QDoubleSpinBox()
+        real.setDecimals(4)
+        real.setRange(
+            -1e9 if option.minimum is None else option.minimum,
+            1e9 if option.maximum is None else option.maximum,
+        )
+        real.setValue(default)
+        real.setKeyboardTracking(False)
+        return real
+    line = QLineEdit(str(default))
+    line.setMaximumWidth(120)
+    return line
+
+
+def _when_changed(field: QWidget, tell: Any) -> None:
+    if isinstance(field, QCheckBox):
+        field.toggled.connect(lambda _: tell.emit())
+    elif isinstance(field, QSpinBox | QDoubleSpinBox):
+        field.valueChanged.connect(lambda _: tell.emit())
+    elif isinstance(field, QLineEdit):
+        field.editingFinished.connect(tell)
+
+
+def _value(field: QWidget) -> Any:
+    if isinstance(field, QCheckBox):
+        return field.isChecked()
+    if isinstance(field, QSpinBox | QDoubleSpinBox):
+        return field.value()
+    assert isinstance(field, QLineEdit)
+    return field.text()

@@ -1,0 +1,1 @@
+"""Station Fit: avatars of grains, sweeps over the number of control points."""

@@ -1,0 +1,382 @@
+"""Fitting one grain, step by step before the eyes, or many in the background."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from mbstudio.core.batch import fit_many
+from mbstudio.core.errors import FitError
+from mbstudio.core.grains import Grain
+from mbstudio.core.imaging import FitResult, start_fit
+from mbstudio.core.imaging.steps import FitRun, SearchStep
+from mbstudio.core.metrics import factor_intervals
+from mbstudio.scene.surfaces import Surface, avatar_surface, control_points
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.fit.words import fit_told, fraction_told, many_told, target_fraction_told
+from mbstudio.ui.stations.fit.words import reaches as reaches
+from mbstudio.ui.stations.work import Work
+from mbstudio.ui.workers import Control, Report, Task, TaskQueue
+from mbstudio.ui.workspace import Workspace
+
+LIVE_CELLS = 36  # of the avatar's surface while the search runs
+KEPT_EVERY = 10.0  # seconds; what a search has found until then outlives a crash
+SPHERE, SPHERES = 0.05, 1.0  # seconds that each sphere of the clustering is shown, and all at most
+
+
+@dataclass(frozen=True, eq=False)
+class LiveAvatar:
+    """The avatar as it stands, ready to be drawn."""
+
+    surface: Surface
+    points: Surface
+
+
+@dataclass(eq=False)
+class _Fitting:
+    """The fit of one grain, which can go on after it has ended."""
+
+    label: int
+    grain: Grain
+    n: int
+    target: str = ""
+    run: FitRun | None = None
+    stop: bool = False
+    refusal: str = ""  # why the last change of n was not made; told from the main thread
+    standing: FitResult | None = None  # what a crash would leave of it
+    announced: FitResult | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Finished:
+    result: FitResult
+
+
+class FitWork(Work):
+    """Runs fits.
+
+    Attributes
+    ----------
+    began : signal (int)
+        The fit of a grain begins anew: its curve is empty.
+    losses_arrived : signal (int, list)
+        Label, and the losses of the newest generations.
+    avatar_moved : signal (int, LiveAvatar)
+        The avatar as it stands.
+    changed : signal
+        Something runs, pauses or has ended.
+    arrived : signal
+        One of many grains was fitted, or a long search has come further; the project gets them at the end.
+    shows_spheres : bool
+        Whether the clustering, which is done in a blink, waits for the eye.
+    """
+
+    began = Signal(int)
+    losses_arrived = Signal(int, object)
+    avatar_moved = Signal(int, object)
+    changed = Signal()
+    arrived = Signal()
+
+    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+        super().__init__(workspace, queue, parent)
+        self._fitting: _Fitting | None = None
+        self._task: Task | None = None
+        self._arrived: tuple[object, list[Any]] = (None, [])
+        self.shows_spheres = True
+        workspace.grains_changed.connect(self._forget)
+        workspace.project_replaced.connect(self._forget)
+
+    # ---- what runs -----------------------------------------------------------------------------
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the fit of a single grain runs, waits or is paused."""
+        return self._task is not None and not self._task.is_over
+
+    @property
+    def is_paused(self) -> bool:
+        return self._task is not None and not self._task.is_over and self._task.is_paused
+
+    @property
+    def running_label(self) -> int | None:
+        """Label of the grain that is being fitted."""
+        return self._fitting.label if self._fitting is not None and self.is_running else None
+
+    def can_go_on(self, label: int | None) -> bool:
+        """Return whether the fit of this grain ended and can take more generations."""
+        fitting = self._fitting
+        return (
+            label is not None
+            and fitting is not None
+            and fitting.label == label
+            and fitting.run is not None
+            and not self.is_running
+            and label in self.workspace.state.fits
+        )
+
+    # ---- one grain -----------------------------------------------------------------------------
+
+    def fit(self, label: int) -> Task | None:
+        """Fit one grain with the project's settings."""
+        grains = self.workspace.state.grains
+        if grains is None or self.is_running:
+            return None
+        settings = self.workspace.state.fit_settings
+        fitting = _Fitting(label, grains.grain(label), settings.n, settings.target)
+        self._fitting = fitting
+        waits = self.shows_spheres and not settings.target
+
+        def steps(control: Control) -> Iterator[SearchStep | _Finished]:
+            control.report(-1.0 if settings.target else 0.0, tr("Preparing the grain"))
+            fitting.run = start_fit(
+                fitting.grain, settings.n, settings.method, settings.seed, target=settings.target or None,
+                **settings.options,
+            )  # fmt: skip
+            return _drive(fitting, min(SPHERE, SPHERES / settings.n) if waits else 0.0)
+
+        self.began.emit(label)
+        task = self._start(tr("Fitting grain {label}", label=label), steps, fitting)
+        task.cancelled.connect(lambda: self._give_up(fitting))
+        return task
+
+    def go_on(self, generations: int, n: int) -> Task | None:
+        """Let the last fit go on for more generations, with n control points."""
+        fitting = self._fitting
+        if fitting is None or fitting.run is None or self.is_running:
+            return None
+        run, fitting.stop = fitting.run, False
+
+        def steps(control: Control) -> Iterator[SearchStep | _Finished]:
+            if n != fitting.n and not fitting.target:
+                run.change_control_points(n)
+                fitting.n = n
+            run.more_generations(generations)
+            return _drive(fitting)
+
+        return self._start(tr("Fitting grain {label}", label=fitting.label), steps, fitting)
+
+    def change_n(self, n: int) -> None:
+        """Change the number of control points of the fit that runs, from its next step on."""
+        fitting, task = self._fitting, self._task
+        if not self.is_running or task is None or fitting is None or n == fitting.n:
+            return
+
+        def change() -> None:
+            if fitting.run is None:
+                return
+            try:
+                fitting.run.change_control_points(n)
+                fitting.n, fitting.target = n, ""
+            except FitError as error:  # the fit that runs is not to be lost by it
+                fitting.refusal = tr("{error} The fit goes on with n = {n}.", error=error, n=fitting.n)
+
+        task.call_between_steps(change)
+
+    def pause(self) -> None:
+        """Pause the fit, or go on if it is paused."""
+        if self._task is not None and not self._task.is_over:
+            self._task.pause_or_resume()
+            self.changed.emit()
+            self.queue.changed.emit()
+
+    def stop(self) -> None:
+        """End the fit and keep the avatar as it stands."""
+        if self._fitting is not None and self._task is not None:
+            self._fitting.stop = True
+            self._task.resume()
+
+    def _start(self, title: str, steps: Any, fitting: _Fitting) -> Task:
+        task = Task(
+            title, steps, prepare=_prepare, fraction=_target_fraction if fitting.target else _fraction
+        )
+        task.reported.connect(lambda report: self._report(fitting, report))
+        task.succeeded.connect(lambda last: self._take(fitting, last))
+        task.ended.connect(self.changed)
+        task.ended.connect(self.arrived)
+        task.started.connect(self.changed)
+        self._task = task
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def _give_up(self, fitting: _Fitting) -> None:
+        """Let go of a cancelled fit: grain and distances are megabytes."""
+        fitting.run = None
+        self.changed.emit()
+
+    def _report(self, fitting: _Fitting, report: Report) -> None:
+        label = fitting.label
+        if fitting.standing is not fitting.announced:
+            fitting.announced = fitting.standing
+            self.arrived.emit()
+        if fitting.refusal:
+            self.said.emit("warning", fitting.refusal)
+            fitting.refusal = ""
+        losses: list[float] = []
+        for step in report.steps:
+            if not isinstance(step, SearchStep):
+                continue
+            if step.phase != "search":
+                continue
+            if fitting.target and step.generation == 0:
+                losses.clear()
+                self.began.emit(label)  # the next number of a target's search has a curve of its own
+            losses.append(step.loss)
+        if losses:
+            self.losses_arrived.emit(label, losses)
+        if report.view is not None:
+            self.avatar_moved.emit(label, report.view)
+
+    def _take(self, fitting: _Fitting, last: object) -> None:
+        if not isinstance(last, _Finished) or fitting is not self._fitting:
+            return
+        result = last.result
+        self.workspace.add_fits({fitting.label: result}, tr("Fit grain {label}", label=fitting.label))
+        verdict = result.verdict
+        level = "success" if verdict.valid and not verdict.warnings else "warning"
+        self.said.emit(level, " ".join((fit_told(fitting.label, result), *verdict.warnings)))
+
+    # ---- many grains ---------------------------------------------------------------------------
+
+    @property
+    def arrived_fits(self) -> dict[int, FitResult]:
+        """Fits that are not yet in the project, by label: done in a run over many, or far in a long search.
+
+        A search that is not over counts only for a grain that has no avatar.
+        """
+        state, fits, fitting = self.workspace.state, {}, self._fitting
+        if self.is_running and fitting is not None and fitting.label not in state.fits:
+            fits = {fitting.label: fitting.announced}
+        grains, items = self._arrived
+        if grains is state.grains:
+            fits |= {item.label: item.result for item in items}
+        return {label: fit for label, fit in fits.items() if fit is not None}
+
+    def unfitted(self) -> list[int]:
+        """Labels of the grains inside the scan that have no avatar yet."""
+        grains = self.workspace.state.grains
+        fits = self.workspace.state.fits
+        return [] if grains is None else [label for label in grains.interior_labels if label not in fits]
+
+    def fit_all(self, labels: list[int] | None = None) -> Task | None:
+        """Fit every grain inside the scan that has no avatar yet (or these), on all processors."""
+        grains = self.workspace.state.grains
+        wanted = self.unfitted() if labels is None else labels
+        if grains is None or not wanted:
+            return None
+        settings = self.workspace.state.fit_settings
+        arrived: list[Any] = []
+
+        def steps(control: Control) -> Iterator[tuple[int, Any]]:
+            control.report(0.0, tr("Starting processes"))
+            items = fit_many(
+                grains, wanted, n=settings.n, method=settings.method, seed=settings.seed,
+                options=settings.options, target=settings.target or None,
+            )  # fmt: skip
+            return _count(items, arrived)
+
+        task = Task(
+            tr("Fitting {count} grains", count=len(wanted)),
+            steps,
+            fraction=lambda step: (
+                step[0] / len(wanted),
+                tr("{done} of {count} grains", done=step[0], count=len(wanted)),
+            ),
+        )
+        self._arrived = (grains, arrived)
+        task.reported.connect(lambda _: self.arrived.emit())
+        # What has arrived is kept also when the rest is cancelled or fails.
+        task.ended.connect(lambda: self._take_many(grains, arrived))
+        task.ended.connect(self.changed)
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def _take_many(self, grains: object, items: list[Any]) -> None:
+        if self._arrived[1] is items:
+            self._arrived = (None, [])
+        if not items or grains is not self.workspace.state.grains:
+            return
+        fits = {item.label: item.result for item in items if item.result is not None}
+        if fits:
+            self.workspace.add_fits(fits, tr("Fit {count} grains", count=len(fits)))
+        failed = [item for item in items if item.result is None]
+        self.said.emit(*many_told(fits, failed))
+
+    def _forget(self) -> None:
+        if self._task is not None and not self._task.is_over:
+            self._task.cancel()
+        self._fitting = None
+        self.changed.emit()
+
+
+def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Finished]:
+    """Yield the steps, each sphere of the clustering no sooner than `sphere` seconds after the one before."""
+    assert fitting.run is not None
+    begun, last = False, time.monotonic()
+    kept = last
+    for step in fitting.run:
+        if step.phase == "clustering":
+            time.sleep(max(0.0, last + sphere - time.monotonic()))
+            last = time.monotonic()
+        elif time.monotonic() - kept > KEPT_EVERY:
+            fitting.standing, kept = fitting.run.result(), time.monotonic()
+        yield step
+        begun = begun or step.phase == "search"
+        if fitting.stop and begun:
+            break
+    yield _Finished(fitting.run.result())
+
+
+def _count(items: Iterator[Any], arrived: list[Any]) -> Iterator[tuple[int, Any]]:
+    """Number the items, keep each, and close the processes when this is closed."""
+    try:
+        for item in items:
+            arrived.append(item)
+            yield len(arrived), item
+    finally:
+        close = getattr(items, "close", None)
+        if close is not None:
+            close()
+
+
+def _prepare(step: SearchStep | _Finished) -> LiveAvatar | None:
+    if isinstance(step, _Finished):
+        return LiveAvatar(avatar_surface(step.result.avatar, 64), control_points(step.result.avatar))
+    return LiveAvatar(avatar_surface(step.avatar, LIVE_CELLS), control_points(step.avatar))
+
+
+def _fraction(step: SearchStep | _Finished) -> tuple[float, str]:
+    return (1.0, tr("Done")) if isinstance(step, _Finished) else fraction_told(step)
+
+
+def _target_fraction(step: SearchStep | _Finished) -> tuple[float, str]:
+    return (1.0, tr("Done")) if isinstance(step, _Finished) else target_fraction_told(step)
+
+
+class IntervalWork(Work):
+    """Measures a grain again at other places on the voxels, thresholds and blurs.
+
+    Attributes
+    ----------
+    found : signal (int, FactorIntervals)
+        Label of the grain, and its intervals.
+    """
+
+    found = Signal(int, object)
+
+    def find(self, label: int) -> Task | None:
+        """Find the intervals of this grain; None if there are no grains."""
+        grains = self.workspace.state.grains
+        if grains is None:
+            return None
+        task = Task(
+            tr("Finding the intervals of grain {label}", label=label),
+            lambda control: factor_intervals(grains.grain(label)),
+        )
+        task.succeeded.connect(lambda intervals: self.found.emit(label, intervals))
+        return self.queue.submit(task)

@@ -1,0 +1,196 @@
+"""Keeps the gallery in step with grains, avatars, clones and the one selection, and draws its pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PySide6.QtCore import QObject, Qt
+from PySide6.QtWidgets import QDockWidget
+
+from mbstudio.core.populations import Population
+from mbstudio.scene.pictures.grain_thumbnails import grain_thumbnail
+from mbstudio.scene.pictures.thumbnails import thumbnail
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.gallery.body_list import SIDE, Bodies
+from mbstudio.ui.stations.gallery.gallery import KINDS, BodyGallery
+from mbstudio.ui.widgets.grain_strip import pixmap_of
+from mbstudio.ui.workers import Control, Report, Task
+
+if TYPE_CHECKING:
+    from mbstudio.ui.shell.main_window import MainWindow
+
+LANE = "gallery"
+_FACTORS = ("dn", "volume", "area", "sphericity", "circularity", "csf", "elongation", "flatness", "convexity")
+
+
+class GalleryLink(QObject):
+    """What happens in the gallery.
+
+    Parameters
+    ----------
+    window : MainWindow
+    make_dock : callable
+        Makes a dock of a name, a title, its content and its area.
+    """
+
+    def __init__(self, window: MainWindow, make_dock: Callable[..., QDockWidget]) -> None:
+        super().__init__(window)
+        self._window, self._space = window, window.workspace
+        self.gallery = BodyGallery(window.icons)
+        self.dock = make_dock("bodies", tr("Gallery"), self.gallery, Qt.DockWidgetArea.RightDockWidgetArea)
+        self._made: dict[str, tuple[tuple[object, ...], Bodies | None]] = {}
+        self._is_telling = False
+
+    def connect_all(self) -> None:
+        """Connect with the rest of the window."""
+        space, window = self._space, self._window
+        for signal in (
+            space.grains_changed, space.fits_changed, space.clones_changed, window.populations.changed,
+        ):  # fmt: skip
+            signal.connect(self.show)
+        self.dock.visibilityChanged.connect(lambda _: self.show())
+        self.gallery.kind_changed.connect(lambda _: self.show())
+        self.gallery.measure_asked.connect(lambda: window.commands.run("populations.measure"))
+        self.gallery.list.chosen.connect(self._chosen)
+        self.gallery.list.pictures_wanted.connect(self._draw)
+        space.selection_changed.connect(self._mark)
+        window.clones.selection_changed.connect(self._mark)
+        window.theme.changed.connect(self._repaint)
+
+    def show(self) -> None:
+        """Bring the gallery up to date, if it is to be seen."""
+        if self.dock.isHidden():
+            return
+        state = self._space.state
+        counts = (state.grains, state.fits, state.clones)
+        self.gallery.set_counts(
+            {kind: 0 if given is None else len(given) for kind, given in zip(KINDS, counts, strict=True)}
+        )
+        bodies = self._bodies(self.gallery.kind)
+        if bodies is not self.gallery.bodies or bodies is None:
+            self.gallery.show_bodies(bodies)
+        self._mark()
+
+    # ---- what is shown -------------------------------------------------------------------------
+
+    def _bodies(self, kind: str) -> Bodies | None:
+        """Return the bodies of a kind; the same object as long as nothing about them changed."""
+        state = self._space.state
+        measured = self._measured(kind)
+        source: tuple[object, ...] = {
+            "grains": (state.grains, measured),
+            "avatars": (state.fits, measured),
+            "clones": (state.clones, measured),
+        }[kind]
+        known = self._made.get(kind)
+        if known is None or any(a is not b for a, b in zip(known[0], source, strict=True)):
+            make: Callable[[Population | None], Bodies | None] = getattr(self, f"_{kind}")
+            made = make(measured)
+            if known is not None and known[1] is not None and made is not None and known[0][0] is source[0]:
+                made.pictures.update(known[1].pictures)  # only more is known of the same bodies
+            self._made[kind] = (source, made)
+        return self._made[kind][1]
+
+    def _measured(self, kind: str) -> Population | None:
+        if kind == "clones":
+            return self._window.clones.factors
+        return next((given for given in self._window.populations.populations if given.kind == kind), None)
+
+    def _grains(self, measured: Population | None) -> Bodies | None:
+        grains = self._space.state.grains
+        if grains is None:
+            return None
+        keys, volume = grains.table["label"].to_numpy(int), grains.table["volume"].to_numpy(float)
+        known = {"dn": np.cbrt(6 * volume / np.pi), "volume": volume}
+        colour = self._window.theme.scene.grain
+        return Bodies(
+            "grains", keys, known | _columns(keys, measured, grains.unit), grains.unit,
+            lambda row: grain_thumbnail(grains[row], colour, SIDE),
+        )  # fmt: skip
+
+    def _avatars(self, measured: Population | None) -> Bodies | None:
+        fits = self._space.state.fits
+        if not fits:
+            return None
+        keys = np.array(sorted(fits), dtype=int)
+        unit, colour = fits[int(keys[0])].avatar.unit, self._window.theme.scene.avatar
+        return Bodies(
+            "avatars", keys, _columns(keys, measured, unit), unit,
+            lambda row: thumbnail(fits[int(keys[row])].avatar, colour, SIDE),
+        )  # fmt: skip
+
+    def _clones(self, measured: Population | None) -> Bodies | None:
+        clones = self._space.clones
+        if clones is None:
+            return None
+        keys = np.arange(1, len(clones) + 1)
+        unit, colour = clones.clones.unit, self._window.theme.scene.avatar
+        # Clones are measured in their order.
+        columns = {} if measured is None else _columns(measured.labels, measured, unit)
+        return Bodies(
+            "clones", keys, columns, unit, lambda row: thumbnail(clones.clones.avatar(row), colour, SIDE)
+        )
+
+    # ---- selection -----------------------------------------------------------------------------
+
+    def _chosen(self, keys: list[int], current: int | None) -> None:
+        self._is_telling = True
+        try:
+            if self.gallery.kind == "clones":
+                self._window.clones.select(current if current in keys else None)
+            else:
+                self._space.choose(keys, current)
+        finally:
+            self._is_telling = False
+
+    def _mark(self) -> None:
+        if self.dock.isHidden() or self._is_telling:
+            return
+        if self.gallery.kind == "clones":
+            one = self._window.clones.selected
+            self.gallery.list.select_keys(() if one is None else (one,), one)
+        else:
+            self.gallery.list.select_keys(self._space.chosen, self._space.selected)
+
+    # ---- pictures ------------------------------------------------------------------------------
+
+    def _draw(self, bodies: Bodies, rows: list[int]) -> None:
+        """Draw what is looked at; what was asked for before and is not begun gives way to it."""
+
+        def pictures(control: Control) -> Iterator[tuple[int, np.ndarray]]:
+            for row in rows:
+                yield row, bodies.draw(row)
+
+        task = Task(tr("Drawing the gallery"), pictures)
+        task.reported.connect(lambda report: self._take(bodies, report))
+        running = self._window.queue.running(LANE)
+        if running is not None:
+            running.cancel()
+        self._window.queue.submit(task, lane=LANE, key=LANE)
+
+    def _take(self, bodies: Bodies, report: Report) -> None:
+        for row, picture in report.steps:
+            self.gallery.list.set_picture(bodies, row, pixmap_of(picture))
+
+    def _repaint(self) -> None:
+        """Draw the pictures anew in the colours of the theme."""
+        self._made.clear()
+        self.show()
+
+
+def _columns(keys: np.ndarray, measured: Population | None, unit: str) -> dict[str, Any]:
+    """Return the key factors of bodies by their labels; NaN for those that were not measured."""
+    if measured is None:
+        return {}
+    given = measured.in_unit(unit)
+    places = {int(label): row for row, label in enumerate(given.labels)}
+    rows = np.array([places.get(int(key), -1) for key in keys], dtype=int)
+    if not (rows >= 0).any():
+        return {}
+    return {
+        name: np.where(rows >= 0, given.factors[name][rows], np.nan)
+        for name in _FACTORS
+        if name in given.factors
+    }

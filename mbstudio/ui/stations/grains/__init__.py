@@ -1,0 +1,1 @@
+"""Station Grains: find the grains of a scan, look through them."""

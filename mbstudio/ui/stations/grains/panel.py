@@ -1,0 +1,185 @@
+"""Station Grains: how they are told apart, and what was found."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.core.units import unit_label
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.panel import Panel
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.forms import NumberSlider, label, primary_button, quiet_button, row
+from mbstudio.ui.widgets.plots import Histogram
+from mbstudio.ui.workspace import Workspace
+
+
+class GrainPanel(Panel):
+    """Settings of the segmentation, and a summary of its grains.
+
+    Attributes
+    ----------
+    find_asked : signal (SegmentationSettings)
+    """
+
+    find_asked = Signal(object)
+
+    def __init__(self, workspace: Workspace, theme: Theme) -> None:
+        super().__init__(tr("Grains"), tr("Tell the grains from the pores and from each other."))
+        self._workspace = workspace
+        default = SegmentationSettings()
+        self.smoothing = QDoubleSpinBox()
+        self.smoothing.setRange(0.0, 5.0)
+        self.smoothing.setSingleStep(0.1)
+        self.smoothing.setDecimals(1)
+        self.threshold_kind = QComboBox()
+        self.threshold_kind.addItem(tr("Automatic"), False)
+        self.threshold_kind.addItem(tr("By hand"), True)
+        self.threshold = QDoubleSpinBox()
+        self.threshold.setRange(-1e9, 1e9)
+        self.threshold.setDecimals(1)
+        self.splitting = NumberSlider(
+            tr("Split touching grains"),
+            0.0,
+            1.0,
+            default.splitting,
+            0.01,
+            "{:.2f}",
+            tr(
+                "How readily two grains that touch are told apart: too little merges them, "
+                "too much breaks them"
+            ),
+            (tr("seldom"), tr("readily")),
+        )
+        self.smallest = QSpinBox()
+        self.smallest.setRange(1, 1_000_000)
+        self.drop_border = QCheckBox(tr("Leave out grains that the edge cuts"))
+        self.find_button = primary_button(tr("Find grains"))
+        self.load_button = quiet_button(tr("Load labels…"))
+        self.load_button.setToolTip(
+            tr("Take a label image made elsewhere (ilastik and the like), of the scan's shape")
+        )
+        self._count = label("", "figure")
+        self._inside = label("", "hint", wrap=True)
+        self._histogram_name = label("", "hint")
+        self.histogram = Histogram(theme, tr("Histogram of nominal diameters"))
+
+        self.add(
+            row(
+                tr("Smoothing"),
+                self.smoothing,
+                tr("Standard deviation of the Gaussian filter before the threshold; 0: none"),
+                tr("voxels"),
+            ),
+            row(
+                tr("Threshold"),
+                self.threshold_kind,
+                tr("Grey value that parts grains from pores; automatic: Otsu's, inside the field of view"),
+            ),
+        )
+        self._threshold_row = row(
+            tr("Grey value"), self.threshold, tr("Voxels at least this bright are grain")
+        )
+        self.add(self._threshold_row, self.splitting)
+        self.add(
+            row(
+                tr("Smallest grain"), self.smallest, tr("Pieces with fewer voxels are left out"), tr("voxels")
+            )
+        )
+        self.add(self.drop_border)
+        self._result = QWidget()
+        result = QVBoxLayout(self._result)
+        result.setContentsMargins(0, 12, 0, 0)
+        result.setSpacing(6)
+        result.addWidget(label(tr("Found"), "heading"))
+        result.addWidget(self._count)
+        result.addWidget(self._inside)
+        result.addSpacing(6)
+        result.addWidget(self._histogram_name)
+        result.addWidget(self.histogram)
+        self.add(self._result)
+        self.body.addStretch(1)
+        self._hint = label("", "hint", wrap=True)
+        line = QHBoxLayout()
+        line.addWidget(self.load_button)
+        line.addStretch(1)
+        self.foot.addWidget(self._hint)
+        self.foot.addWidget(self.find_button)
+        self.foot.addLayout(line)
+
+        self.threshold_kind.currentIndexChanged.connect(self._threshold_kind_changed)
+        self.find_button.clicked.connect(lambda: self.find_asked.emit(self.settings()))
+        workspace.grains_changed.connect(self.refresh)
+        workspace.scan_changed.connect(self.refresh)
+        workspace.settings_changed.connect(self._take_settings)
+        self.show_settings(default)
+        self.refresh()
+
+    def settings(self) -> SegmentationSettings:
+        """Return the settings as they stand in the panel."""
+        by_hand = bool(self.threshold_kind.currentData())
+        return SegmentationSettings(
+            denoise_sigma=self.smoothing.value(),
+            threshold=self.threshold.value() if by_hand else None,
+            splitting=self.splitting.value,
+            smallest_voxels=self.smallest.value(),
+            drop_border=self.drop_border.isChecked(),
+        )
+
+    def show_settings(self, settings: SegmentationSettings) -> None:
+        """Put settings into the fields."""
+        self.smoothing.setValue(settings.denoise_sigma)
+        self.threshold_kind.setCurrentIndex(0 if settings.threshold is None else 1)
+        if settings.threshold is not None:
+            self.threshold.setValue(settings.threshold)
+        self.splitting.set_value(settings.splitting)
+        self.smallest.setValue(settings.smallest_voxels)
+        self.drop_border.setChecked(settings.drop_border)
+        self._threshold_kind_changed()
+
+    def set_threshold_range(self, low: float, high: float) -> None:
+        """Let the threshold lie within the scan's grey values."""
+        self.threshold.setRange(low, high)
+        self.threshold.setDecimals(0 if high - low > 50 else 3)
+        self.threshold.setSingleStep(max((high - low) / 100, 0.001))
+        if not self.threshold_kind.currentData():
+            self.threshold.setValue((low + high) / 2)
+
+    def refresh(self) -> None:
+        """Show the grains of the workspace."""
+        grains, scan = self._workspace.state.grains, self._workspace.scan
+        self._result.setVisible(grains is not None)
+        self._hint.setVisible(scan is None)
+        self._hint.setText(tr("Open a scan first (station Scan)."))
+        if grains is None:
+            return
+        inside = len(grains.interior_labels)
+        self._count.setText(tr("{count:,} grains", count=len(grains)))
+        self._inside.setText(
+            tr("{inside:,} inside the scan, {cut:,} cut by its edge", inside=inside, cut=len(grains) - inside)
+        )
+        diameters = np.cbrt(6 * grains.table["volume"].to_numpy(float) / np.pi)
+        self._histogram_name.setText(tr("Nominal diameter Dₙ [{unit}]", unit=unit_label(grains.unit)))
+        self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
+        self.histogram.setVisible(len(grains) > 2)
+
+    def mark_grain(self, diameter: float | None) -> None:
+        """Show where the chosen grain stands among the others."""
+        self.histogram.mark(diameter)
+
+    def _threshold_kind_changed(self) -> None:
+        self._threshold_row.setVisible(bool(self.threshold_kind.currentData()))
+
+    def _take_settings(self) -> None:
+        if self._workspace.state.segmentation is not None:
+            self.show_settings(self._workspace.state.segmentation)

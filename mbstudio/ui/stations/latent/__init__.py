@@ -1,0 +1,1 @@
+"""Station Latent: one grain shaped by hand in the latent space."""

@@ -1,0 +1,411 @@
+"""Keeps the latent studio in step: view, panel, pages beside the view, gallery below it."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float64
+from PySide6.QtCore import QObject
+from PySide6.QtGui import QPixmap
+from PySide6.QtWidgets import QFileDialog
+
+from mbstudio.core.errors import MbstudioError
+from mbstudio.core.units import unit_label
+from mbstudio.core.vae.models.style_learner import load_style_learner
+from mbstudio.core.vae.shaping.latent import aligned_to, interpolated
+from mbstudio.core.vae.shaping.latent_recipe import Operation
+from mbstudio.core.vae.shaping.live_grain import AT_REST, live_grain
+from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
+from mbstudio.scene.pictures.animation import require_writer
+from mbstudio.scene.pictures.morph_animation import write_morph
+from mbstudio.scene.surfaces import Surface
+from mbstudio.ui.language import tr
+from mbstudio.ui.soon import Soon
+from mbstudio.ui.stations.latent.blend_page import LETTERS, STRIP
+from mbstudio.ui.stations.latent.factor_radar import SHORT
+from mbstudio.ui.stations.latent.pictures import LatentPictures
+from mbstudio.ui.workers import Task
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.shaping.kept_grain import KeptGrain
+    from mbstudio.core.vae.shaping.live_grain import LiveGrain
+    from mbstudio.ui.shell.main_window import MainWindow
+
+
+_SUM = "sum of A, B and C"
+
+
+class LatentLink(QObject):
+    """What happens at station Latent.
+
+    Parameters
+    ----------
+    window : MainWindow
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window, self._work = window, window.latents
+        self._panel, self._dock, self._gallery = window.panels_latent, window.studio, window.gallery
+        self._scene = window.link.scene
+        self.pictures = LatentPictures(window.queue, window.theme, self)
+        self.letters: dict[str, tuple[str, Float64[np.ndarray, " d"]]] = {}
+        self._framed: object = None
+        self._soon = Soon(self)
+        self._connect()
+
+    def _connect(self) -> None:
+        work, blend, gallery = self._work, self._dock.blend, self._gallery
+        work.style_taken.connect(self._take_style)
+        work.meanings_changed.connect(self._show_letters)
+        work.grain_changed.connect(self._show_grain)
+        work.stepped.connect(blend.stop)
+        work.kept_changed.connect(self._show_kept)
+        work.said.connect(self._window.messages.say)
+        for signal in (work.stepped, work.kept_changed, work.style_taken):
+            signal.connect(self._window.refresh)
+        self._panel.open_asked.connect(self.ask_style)
+        self._panel.style_asked.connect(self._go_to_style)
+        blend.picked.connect(self.pick)
+        blend.share_moved.connect(lambda share: self._between(share, False))
+        blend.share_settled.connect(lambda share: self._between(share, True))
+        blend.strength_moved.connect(lambda strength: self._sum(strength, False))
+        blend.strength_settled.connect(lambda strength: self._sum(strength, True))
+        blend.ghosts_changed.connect(self.show_ghosts)
+        blend.animation_asked.connect(self.ask_animation)
+        self._dock.map.walked.connect(self._walk)
+        gallery.opened.connect(work.begin_with)
+        self._window.workspace.clones_changed.connect(self._show_clones)
+        gallery.tabs.currentChanged.connect(lambda _: self._show_clones())
+        gallery.forget_asked.connect(lambda name: work.forget([name]))
+        gallery.rename_asked.connect(self._rename)
+        self.pictures.ready.connect(self._picture_ready)
+        self._window.theme.changed.connect(self._repaint)
+
+    # ---- the style-learner -----------------------------------------------------------------------
+
+    def entered(self) -> None:
+        """Learn what the latents mean when the station is entered with a style-learner."""
+        self._work.learn_meanings()
+        learner = self._work.learner
+        if learner is not None:
+            self._scene.set_unit(learner.unit)
+            # The docks of the station take their room first.
+            self._soon.call(partial(self._frame, True))
+
+    def left(self) -> None:
+        """Stop playing; give the scene the unit of the grains back."""
+        self._dock.blend.stop()
+        grains = self._window.workspace.state.grains
+        scan = self._window.workspace.scan
+        if grains is not None or scan is not None:
+            self._scene.set_unit(grains.unit if grains is not None else scan.unit)  # type: ignore[union-attr]
+
+    def ask_style(self) -> None:
+        """Let the person choose the folder of a style-learner."""
+        name = QFileDialog.getExistingDirectory(self._window, tr("Open style-learner"))
+        if name:
+            self.open_style(Path(name))
+
+    def open_style(self, folder: Path) -> None:
+        """Open a style-learner in the background."""
+        task = Task(tr("Opening the style-learner"), lambda control: load_style_learner(folder))
+        task.succeeded.connect(lambda learner: self._window.workspace.use_style(learner, tr("Open style")))
+        self._window.queue.submit(task)
+
+    def _go_to_style(self) -> None:
+        if "style" in self._window.panels:
+            self._window.enter("style")
+        else:
+            self._window.messages.say(
+                "info",
+                tr("Run “mbstudio learn” on a folder of avatars, then open the folder that it writes."),
+            )
+
+    def _take_style(self) -> None:
+        learner, about = self._work.learner, self._work.about
+        self.letters.clear()
+        self.pictures.use(learner)
+        self._scene.set_live(None)
+        self._scene.set_ghosts(None, None)
+        self._dock.blend.ghosts.setChecked(False)
+        self._framed = None
+        for letter in LETTERS:
+            self._dock.blend.set_grain(letter, "", None)
+            self._dock.blend.slots[letter].set_grain(None, None)
+        for place in range(len(STRIP)):
+            self._dock.blend.set_step(place, None)
+        self._dock.blend.set_sum(None)
+        self._show_letters()
+        self._show_kept()
+        self._show_clones()
+        if learner is not None and about is not None:
+            if about.map is not None:
+                self._dock.map.set_parents(about.map.places(learner.latents), about.map.share)
+            names = learner.parents.names
+            self.pictures.ask(dict(zip(names, learner.latents, strict=True)), "parents")
+            if self._window.station == "latent":
+                self.entered()
+        self._dock.map.setEnabled(about is not None and about.map is not None)
+        self._dock.factors.show_grain(None, None, False)
+        self._window.link.arrange()
+        self._window.show_docks()
+
+    # ---- the grain under the hand ----------------------------------------------------------------
+
+    def _show_grain(self) -> None:
+        work = self._work
+        grain, about = work.grain, work.about
+        if grain is None or about is None:
+            return
+        latent_station = self._window.station == "latent"
+        self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
+        self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
+        if about.map is not None:
+            self._dock.map.set_here(about.map.places(grain.latent[None])[0])
+        if latent_station:
+            # Never under the hand: only what has come to rest moves the camera.
+            self._frame(grain.cells == AT_REST)
+
+    def _frame(self, may_move: bool) -> None:
+        """Bring the grain into the picture: turned as usual the first time, else only where it is cut."""
+        learner = self._work.learner
+        if self._window.station != "latent" or learner is None or self._work.grain is None:
+            return
+        if self._framed is not learner:
+            self._framed = learner
+            self._window.link.arrange()
+            self._scene.look_from("isometric")
+        elif may_move:
+            self._scene.fit_if_cut()
+        self._window.viewport.request_render()
+
+    def undo(self) -> None:
+        """Take back the last step of shaping, or elsewhere the last change of the project."""
+        if self._window.station == "latent" and self._work.learner is not None:
+            self._work.undo()
+        else:
+            self._window.workspace.undo()
+
+    def redo(self) -> None:
+        """Make it again."""
+        if self._window.station == "latent" and self._work.learner is not None:
+            self._work.redo()
+        else:
+            self._window.workspace.redo()
+
+    def history(self) -> tuple[str | None, str | None]:
+        """Return what undo and redo would do here, in words; None where they can do nothing."""
+        if self._window.station == "latent" and self._work.learner is not None:
+            return (self._work.history.undo_title, self._work.history.redo_title)
+        past = self._window.workspace.project.history
+        return (past.undo_title if past.can_undo else None, past.redo_title if past.can_redo else None)
+
+    # ---- the gallery -----------------------------------------------------------------------------
+
+    def _show_kept(self) -> None:
+        learner, about = self._work.learner, self._work.about
+        kept = self._work.kept if learner is not None else []
+        parents = list(learner.parents.names) if learner is not None else []
+        missing = {
+            recipe.name: recipe.vector for recipe in kept if not self.pictures.has(recipe.name, recipe.vector)
+        }
+        there = {name: picture for name, picture in self.pictures.made.items() if name not in missing}
+        self._gallery.show_grains([recipe.name for recipe in kept], parents, there, self._tips())
+        self.pictures.ask(missing, "kept")
+        if about is not None and about.map is not None:
+            self._dock.map.set_kept(
+                about.map.places(np.stack([recipe.vector for recipe in kept])) if kept else np.empty((0, 2))
+            )
+        self._window.panels_export.set_kept(self._work.kept_grains if learner is not None else (), learner)
+
+    def _show_clones(self) -> None:
+        """Show the clones on the map and in the gallery; their pictures are made when they are looked at."""
+        clones, about = self._work.clones, self._work.about
+        if about is not None and about.map is not None:
+            self._dock.map.set_clones(about.map.places(clones.latents) if clones else np.empty((0, 2)))
+        names = list(clones.clones.names) if clones else []
+        if self._gallery.clones.names != names:
+            self._gallery.show_clones(names, self.pictures.made)
+        if clones and self._gallery.strip is self._gallery.clones:
+            shown = zip(names, clones.latents, strict=True)
+            self.pictures.ask({n: z for n, z in shown if not self.pictures.has(n, z)}, "clones")
+
+    def _tips(self) -> dict[str, str]:
+        """Return what is told of each kept grain: its factors, and how it was made."""
+        return {grain.name: told_of(grain) for grain in self._work.kept_grains}
+
+    def _rename(self, name: str, to: str) -> None:
+        if self._work.rename(name, to):
+            self.pictures.rename(name, to.strip())
+            for letter, (known, latent) in self.letters.items():
+                if known == name:
+                    self.letters[letter] = (to.strip(), latent)
+                    self._dock.blend.set_grain(letter, to.strip(), self.pictures.made.get(to.strip()))
+            self._show_kept()
+
+    def _picture_ready(self, name: str, picture: QPixmap) -> None:
+        self._gallery.set_picture(name, picture)
+        for letter, (known, _) in self.letters.items():
+            if known == name:
+                self._dock.blend.set_grain(letter, name, picture)
+        if name == _SUM:
+            self._dock.blend.set_sum(picture)
+        for place in range(len(STRIP)):
+            if name == f"step {place}":
+                self._dock.blend.set_step(place, picture)
+
+    def _repaint(self) -> None:
+        """Draw the pictures anew in the colours of the theme."""
+        learner = self._work.learner
+        if learner is None:
+            return
+        self.pictures.use(learner)
+        self._show_kept()
+        self.pictures.ask(dict(zip(learner.parents.names, learner.latents, strict=True)), "parents")
+        self._draw_strip()
+
+    # ---- A, B and C ------------------------------------------------------------------------------
+
+    def pick(self, letter: str, name: str = "") -> None:
+        """Let a letter stand for a grain; without a name, for the one chosen in the gallery."""
+        name = name or self._gallery.chosen or ""
+        latent = self._work.latent_of(name)
+        if latent is None:
+            told = tr("Choose a grain in the gallery first, then click {letter}.", letter=letter)
+            self._window.messages.say("info", told)
+            return
+        self.letters[letter] = (name, latent)
+        self._dock.blend.set_grain(letter, name, self.pictures.made.get(name))
+        self._show_letters()
+        self._draw_strip()
+        self._draw_ghosts()
+
+    def _show_letters(self) -> None:
+        self._dock.blend.set_ready(set(self.letters), self._work.meanings is not None)
+        about = self._work.about
+        if about is not None and about.map is not None:
+            plane = about.map
+            self._dock.map.set_letters(
+                {letter: plane.places(latent[None])[0] for letter, (_, latent) in self.letters.items()}
+            )
+
+    def _draw_strip(self) -> None:
+        learner = self._work.learner
+        if learner is None or not {"A", "B"} <= set(self.letters):
+            return
+        steps = interpolated(learner, self.letters["A"][1], self.letters["B"][1], STRIP)
+        self.pictures.ask({f"step {place}": step for place, step in enumerate(steps)}, "strip")
+
+    def _between(self, share: float, final: bool) -> None:
+        if not {"A", "B"} <= set(self.letters):
+            return
+        (a, first), (b, second) = self.letters["A"], self.letters["B"]
+        given = {"a": first.tolist(), "b": second.tolist(), "share": share}
+        words = tr("{percent:.0f} % from {a} to {b}", percent=100 * share, a=a, b=b)
+        operation = Operation("between", given, words)
+        (self._work.commit if final else self._work.preview)(operation)
+
+    def _sum(self, strength: float, final: bool) -> None:
+        if not set(LETTERS) <= set(self.letters):
+            return
+        (a, first), (b, second), (c, third) = (self.letters[letter] for letter in LETTERS)
+        given = {
+            "a": first.tolist(), "b": second.tolist(), "c": third.tolist(), "strength": strength,
+            "told": self._dock.blend.told.isChecked(),
+        }  # fmt: skip
+        operation = Operation("sum", given, f"{c} + {strength:g} ({a} − {b})")
+        if not final:
+            self._work.preview(operation)
+        elif self._work.commit(operation) and self._work.stance is not None:
+            self.pictures.ask({_SUM: self._work.stance.latent}, "sum")
+
+    def show_ghosts(self, shown: bool) -> None:
+        """Show or hide A and B as ghosts about the grain."""
+        for layer in ("ghost_a", "ghost_b"):
+            self._window.link.show_layer(layer, shown)  # type: ignore[arg-type]
+        self._draw_ghosts()
+        self._window.commands.refresh()
+
+    def _draw_ghosts(self) -> None:
+        learner = self._work.learner
+        if learner is None or not {"A", "B"} <= set(self.letters):
+            self._scene.set_ghosts(None, None)
+            return
+        first = self.letters["A"][1]
+        # As the interpolation takes it: mirrored to lie like A.
+        second = aligned_to(learner, first, self.letters["B"][1])
+        shown = [_surface(live_grain(learner, latent, AT_REST)) for latent in (first, second)]
+        self._scene.set_ghosts(*shown)
+        if self._window.station == "latent":
+            self._scene.fit_if_cut()
+        self._window.viewport.request_render()
+
+    # ---- the map ---------------------------------------------------------------------------------
+
+    def _walk(self, place: Float64[np.ndarray, "2"], final: bool) -> None:
+        x, y = (round(float(value), 4) for value in place)
+        operation = Operation("place", {"place": [x, y]}, tr("map ({x:.2f}, {y:.2f})", x=x, y=y))
+        (self._work.commit if final else self._work.preview)(operation)
+
+    # ---- animation -------------------------------------------------------------------------------
+
+    def ask_animation(self) -> None:
+        """Ask for a file and write the way from A to B to it."""
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            tr("Save animation"),
+            str(Path.home() / "morph.gif"),
+            tr("GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)"),
+        )
+        if name:
+            chosen = Path(name)
+            self.save_animation(chosen if chosen.suffix else chosen.with_suffix(".gif"))
+
+    def save_animation(self, path: Path, steps: int = 30) -> None:
+        """Write the way from A to B as an animation in the background."""
+        learner = self._work.learner
+        if learner is None or not {"A", "B"} <= set(self.letters):
+            return
+        try:
+            require_writer(path)
+        except MbstudioError as error:
+            self._window.messages.say("error", str(error))
+            return
+        write = partial(
+            write_morph, learner, self.letters["A"][1], self.letters["B"][1], path, self._window.theme.scene,
+            steps=steps,
+        )  # fmt: skip
+        task = Task(tr("Writing the animation"), lambda control: write(progress=control.progress))
+        if path.suffix.lower() == ".png":
+            told = tr(
+                "Saved the way from A to B as pictures {name}_000.png, ... in {folder}.",
+                name=path.stem,
+                folder=path.parent,
+            )
+        else:
+            told = tr("Saved the way from A to B as {name} in {folder}.", name=path.name, folder=path.parent)
+        task.succeeded.connect(lambda _: self._window.messages.say("success", told))
+        self._window.queue.submit(task)
+
+
+def _surface(grain: LiveGrain) -> Surface:
+    return Surface(grain.points, grain.triangles, grain.normals)
+
+
+def told_of(grain: KeptGrain) -> str:
+    """Return name and factors of a kept grain, and how it was made."""
+    unit = unit_label(grain.unit)
+    factors = ", ".join(
+        f"{tr(SHORT[name])} {value:.4g} {unit}" if name == "size" else f"{tr(SHORT[name])} {value:.3f}"
+        for name, value in zip(MEANINGS, grain.factors, strict=True)
+    )
+    return tr(
+        "{grain}: {factors}\nMade by: {operations}",
+        grain=grain.name,
+        factors=factors,
+        operations=grain.recipe.words,
+    )

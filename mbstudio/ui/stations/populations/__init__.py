@@ -1,0 +1,1 @@
+"""Station Populations: distributions, comparisons and forms of many bodies."""

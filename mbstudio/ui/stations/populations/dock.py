@@ -1,0 +1,164 @@
+"""The plots of populations with their tabs, legend and tools; words where there is nothing to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from html import escape
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QStackedWidget,
+    QTabBar,
+    QToolButton,
+    QVBoxLayout,
+)
+
+from mbstudio.core.populations import Population
+from mbstudio.scene.figures.population_style import colour_of
+from mbstudio.ui.icons import Icons
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.populations.plots import PopulationPlot, Shown, pages
+from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.comparison_table import name_of
+from mbstudio.ui.widgets.forms import label
+
+_SIGNS = ("●", "▲", "■")
+
+
+class PopulationDock(QFrame):
+    """Pages of plots, one at a time.
+
+    Attributes
+    ----------
+    brushed : signal (list of int, bool)
+        Labels that were chosen in a plot, and whether to add them.
+    save_asked, copy_asked : signal
+    """
+
+    brushed = Signal(object, bool)
+    save_asked = Signal()
+    copy_asked = Signal()
+
+    def __init__(self, theme: Theme, icons: Icons) -> None:
+        super().__init__()
+        self.setObjectName("plots")
+        self.setMinimumWidth(360)
+        self._theme = theme
+        self._populations: Sequence[Population] = ()
+        self._shown = Shown()
+        self._marked: tuple[Collection[int], int | None] = ((), None)
+        self.pages: dict[str, PopulationPlot] = {}
+        self.tabs = QTabBar()
+        self.tabs.setExpanding(False)
+        self.tabs.setDrawBase(False)
+        self.tabs.setAccessibleName(tr("Kind of plot"))
+        self._stack = QStackedWidget()
+        for name, (title, page) in pages(theme).items():
+            self.tabs.addTab(title)
+            self._stack.addWidget(page)
+            self.pages[name] = page
+            page.brushed.connect(self.brushed)
+        self.words = QLabel()
+        self.words.setObjectName("emptyPlot")
+        self.words.setWordWrap(True)
+        self.words.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.words.setContentsMargins(40, 0, 40, 0)
+        self._stack.addWidget(self.words)
+        self._legend = label("", "hint", wrap=True)
+        self._legend.setTextFormat(Qt.TextFormat.RichText)
+        self._tools(icons)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addWidget(self.tabs)
+        layout.addLayout(self._tool_line)
+        layout.addWidget(self._stack, 1)
+        self.tabs.currentChanged.connect(self._turn)
+        theme.changed.connect(self._write_legend)
+        self.say("")
+
+    def _tools(self, icons: Icons) -> None:
+        self.rectangle, self.lasso = QToolButton(), QToolButton()
+        self.everything, self.save, self.copy = QToolButton(), QToolButton(), QToolButton()
+        self._tool_line = QHBoxLayout()
+        self._tool_line.setContentsMargins(14, 2, 8, 0)
+        self._tool_line.setSpacing(2)
+        self._tool_line.addWidget(self._legend, 1)
+        for button, icon, words in (
+            (self.rectangle, "ph.selection", tr("Choose by dragging a rectangle")),
+            (self.lasso, "ph.scribble-loop", tr("Choose by drawing a lasso")),
+            (self.everything, "ph.frame-corners", tr("Show the whole plot")),
+            (self.copy, "ph.copy", tr("Copy the figure as a picture")),
+            (self.save, "ph.download-simple", tr("Save the figure (SVG, PNG, PDF)…")),
+        ):
+            icons.set(button, icon)
+            button.setToolTip(words)
+            button.setAccessibleName(words)
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+            self._tool_line.addWidget(button)
+        modes = QButtonGroup(self)
+        for button in (self.rectangle, self.lasso):
+            button.setCheckable(True)
+            modes.addButton(button)
+        self.rectangle.setChecked(True)
+        self.lasso.toggled.connect(self._set_mode)
+        self.everything.clicked.connect(lambda: self.page.show_everything())
+        self.save.clicked.connect(self.save_asked)
+        self.copy.clicked.connect(self.copy_asked)
+
+    def _set_mode(self, lasso: bool) -> None:
+        for page in self.pages.values():
+            page.set_mode("lasso" if lasso else "rectangle")
+
+    # ---- what is shown -------------------------------------------------------------------------
+
+    @property
+    def page_name(self) -> str:
+        """Name of the page that is looked at."""
+        return list(self.pages)[self.tabs.currentIndex()]
+
+    @property
+    def page(self) -> PopulationPlot:
+        """The page that is looked at."""
+        return self.pages[self.page_name]
+
+    def open_page(self, name: str) -> None:
+        """Turn to a page."""
+        self.tabs.setCurrentIndex(list(self.pages).index(name))
+
+    def show_populations(self, populations: Sequence[Population], shown: Shown) -> None:
+        """Draw populations; those of the other pages when they are turned to."""
+        self._populations, self._shown = populations, shown
+        self._write_legend()
+        self._turn()
+
+    def say(self, words: str) -> None:
+        """Say what to do while there is nothing to draw."""
+        self.words.setText(words)
+        self._turn()
+
+    def mark(self, labels: Collection[int], current: int | None) -> None:
+        """Bring out bodies by their labels."""
+        self._marked = labels, current
+        self.page.mark(labels, current)
+
+    def _turn(self, *_: object) -> None:
+        drawn = bool(self._populations)
+        self._stack.setCurrentWidget(self.page if drawn else self.words)
+        for part in (self.rectangle, self.lasso, self.everything, self.save, self.copy):
+            part.setEnabled(drawn)
+        if drawn:
+            self.page.show_populations(self._populations, self._shown)
+            self.page.mark(*self._marked)
+
+    def _write_legend(self) -> None:
+        parts = [
+            f'<span style="color:{colour_of(population, self._theme.scene)}">{_SIGNS[place % 3]}</span> '
+            f"{escape(name_of(population))} ({int(population.measured.sum())})"
+            for place, population in enumerate(self._populations)
+        ]
+        self._legend.setText(" &nbsp; ".join(parts))

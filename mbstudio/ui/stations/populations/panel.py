@@ -1,0 +1,210 @@
+"""Station Populations: grains and avatars as two populations, and how far they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton
+
+from mbstudio.core.errors import MbstudioError
+from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.shape_factors import CORE_FACTORS
+from mbstudio.core.populations import Population
+from mbstudio.core.populations.sieving import SERIES_NAMES
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.stations.panel import Panel
+from mbstudio.ui.stations.populations.plots import Shown
+from mbstudio.ui.stations.populations.work import PopulationWork
+from mbstudio.ui.widgets.comparison_table import (
+    FACTOR_ROWS,
+    SIZE_ROWS,
+    ComparisonTable,
+    fill_factor,
+    fill_sizes,
+)
+from mbstudio.ui.widgets.forms import label, primary_button, row
+from mbstudio.ui.workspace import Workspace
+
+_WIDE = 200  # pixels: names of factors are long
+_AXES = (
+    (mark("Oriented box"), "obb", mark("Edges of the oriented bounding box of least volume")),
+    (mark("Feret"), "feret", mark("Caliper (Feret) diameters")),
+    (mark("Inertia"), "inertia", mark("Axes of the homogeneous ellipsoid with the same inertia")),
+)
+
+
+class PopulationPanel(Panel):
+    """What is measured and looked at, with the numbers of the comparison.
+
+    Attributes
+    ----------
+    shown_changed : signal (Shown)
+    measure_asked, report_asked : signal
+    """
+
+    shown_changed = Signal(object)
+    measure_asked = Signal()
+    report_asked = Signal()
+
+    def __init__(self, workspace: Workspace, work: PopulationWork) -> None:
+        super().__init__(
+            tr("Populations"), tr("How grains and avatars are distributed, and how far apart they are.")
+        )
+        self._workspace, self._work = workspace, work
+        self.scope, self.axes, self.detail = (
+            QComboBox(),
+            QComboBox(),
+            QCheckBox(tr("Detailed factors (slower)")),
+        )
+        self.scope.addItem(tr("With an avatar"), "fitted")
+        self.scope.addItem(tr("All inside"), "inside")
+        for title, name, tip in _AXES:
+            self.axes.addItem(tr(title), name)
+            self.axes.setItemData(self.axes.count() - 1, tr(tip), 3)
+        self.detail.setToolTip(
+            tr(
+                "Also convexity, inscribed and enclosing sphere, Feret diameters, roundness, roughness and "
+                "the bands of spherical harmonics: about five times as long"
+            )
+        )
+        self.factor, self.second, self.by, self.sieves = QComboBox(), QComboBox(), QComboBox(), QComboBox()
+        self.by.addItem(tr("By number"), "number")
+        self.by.addItem(tr("By mass"), "volume")
+        self.sieves.addItem(tr("Every body's size"), None)
+        for name, title in SERIES_NAMES.items():
+            self.sieves.addItem(title, name)
+        self._offer(CORE_FACTORS)
+        self.add(
+            row(
+                tr("Grains"), self.scope, tr("Grains that have an avatar, or all that the edge does not cut")
+            ),
+            row(tr("Axes"), self.axes, tr("How the axes a ≥ b ≥ c of a body are found")),
+            self.detail,
+        )
+        self.add_heading(tr("Factor"))
+        self.add(
+            row(tr("Factor"), self.factor, tr("Shape factor of the distributions, and across in the pairs")),
+            row(tr("Against"), self.second, tr("Upwards in the pairs")),
+            row(tr("Weighting"), self.by, tr("Every body alike, or by its volume (mass at one density)")),
+        )
+        self.statistics = ComparisonTable(tr("Statistics of the factor"), FACTOR_ROWS)
+        self.sizes = ComparisonTable(tr("Sizes by mass"), SIZE_ROWS)
+        self._sizes_note = label("", "hint", wrap=True)
+        self.add(self.statistics)
+        self.add_heading(tr("Particle size by mass"))
+        self.add(
+            row(
+                tr("Read at"),
+                self.sieves,
+                tr("Percent finer at every body's intermediate axis b, or on sieves"),
+            ),
+            self.sizes,
+            self._sizes_note,
+        )
+        for field in (self.scope, self.axes, self.factor, self.second, self.by, self.sieves):
+            field.setFixedWidth(_WIDE)
+        self.body.addStretch(1)
+        self._hint = label("", "hint", wrap=True)
+        self.measure_button = primary_button(tr("Measure"))
+        self.report_button = QPushButton(tr("Report…"))
+        self.report_button.setToolTip(
+            tr("Write tables and figures as one HTML file, as “mbstudio report” does")
+        )
+        line = QHBoxLayout()
+        line.addWidget(self.measure_button, 1)
+        line.addWidget(self.report_button)
+        self.foot.addWidget(self._hint)
+        self.foot.addLayout(line)
+        self._connect()
+        self.refresh()
+
+    def _connect(self) -> None:
+        for field, name in ((self.scope, "scope"), (self.axes, "axes")):
+            field.currentIndexChanged.connect(
+                lambda _, field=field, name=name: self._work.ask(**{name: field.currentData()})
+            )
+        self.detail.toggled.connect(lambda on: self._work.ask(detail=on))
+        for field in (self.factor, self.second, self.by, self.sieves):
+            field.currentIndexChanged.connect(self._show_choice)
+        self.measure_button.clicked.connect(self.measure_asked)
+        self.report_button.clicked.connect(self.report_asked)
+        self._work.changed.connect(self.refresh)
+        self._workspace.selection_changed.connect(self._write_hint)
+
+    @property
+    def shown(self) -> Shown:
+        """What is looked at, as the fields say."""
+        return Shown(
+            self.factor.currentData(), self.second.currentData(), self.by.currentData(),
+            self.sieves.currentData(),
+        )  # fmt: skip
+
+    def look_at(self, factor: str) -> None:
+        """Choose a factor."""
+        self.factor.setCurrentIndex(self.factor.findData(factor))
+
+    def refresh(self) -> None:
+        """Show the populations that there are, and what can be done now."""
+        populations = self._work.populations
+        if populations:
+            self._offer([f for f in populations[0].factors if all(f in p.factors for p in populations)])
+        self._write_hint()
+        self._show_choice()
+
+    def _show_choice(self, *_: object) -> None:
+        populations = self._work.populations
+        self._fill(populations)
+        self.shown_changed.emit(self.shown)
+
+    def _fill(self, populations: list[Population]) -> None:
+        shown = self.shown
+        for part in (self.statistics, self.sizes):
+            part.setVisible(bool(populations))
+        self._sizes_note.hide()
+        if not populations:
+            return
+        try:
+            fill_factor(self.statistics, populations, shown.factor, shown.by)
+            fill_sizes(self.sizes, populations, shown.sieves)
+        except MbstudioError as error:
+            self.sizes.hide()
+            self._sizes_note.setText(str(error))
+            self._sizes_note.show()
+
+    def _offer(self, factors: Iterable[str]) -> None:
+        """Fill the two choices of a factor, keeping what was chosen."""
+        names = list(factors)
+        for field, usual in ((self.factor, "sphericity"), (self.second, "csf")):
+            if [field.itemData(place) for place in range(field.count())] == names:
+                continue
+            chosen = field.currentData() or usual
+            with QSignalBlocker(field):
+                field.clear()
+                for name in names:
+                    known = FACTOR_NAMES[name]
+                    field.addItem(f"{known.title} {known.symbol}".strip(), name)
+                field.setCurrentIndex(max(0, field.findData(chosen)))
+                field.view().setMinimumWidth(230)
+
+    def _write_hint(self) -> None:
+        work, state, chosen = self._work, self._workspace.state, self._workspace.chosen
+        if state.grains is None:
+            text = tr("Find the grains first (station Grains).")
+        elif work.is_measuring:
+            text = tr("Measuring … the status bar shows how far it is, and can cancel it.")
+        elif work.measured is None:
+            text = tr("Nothing was measured yet.")
+        elif not work.is_current:
+            text = tr("Out of date: grains, avatars or settings have changed since.")
+        elif chosen:
+            listed = ", ".join(map(str, sorted(chosen)[:8])) + (" …" if len(chosen) > 8 else "")
+            text = tr("{count} chosen: grain {labels}.", count=len(chosen), labels=listed)
+        else:
+            text = tr("No grain chosen: click or drag in a plot, the view or the table.")
+        self._hint.setText(text)
+        self.measure_button.setText(tr("Measure again") if work.measured is not None else tr("Measure"))
+        self.measure_button.setEnabled(
+            state.grains is not None and not work.is_measuring and not work.is_current
+        )
+        self.report_button.setEnabled(state.grains is not None and not work.is_measuring)

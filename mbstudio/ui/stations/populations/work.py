@@ -1,0 +1,215 @@
+"""Measuring the project's grains and avatars as populations, and writing about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from PySide6.QtCore import QObject, Signal
+
+from mbstudio.core.metrics.measuring import AxisConvention
+from mbstudio.core.populations import Population, ProjectPopulations, measure_project
+from mbstudio.core.populations.sieving import SieveSeries
+from mbstudio.core.project import Project, ProjectState
+from mbstudio.scene.pictures.figures import drawn
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.work import Work
+from mbstudio.ui.workers import Control, Task, TaskQueue
+from mbstudio.ui.workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Scope = Literal["fitted", "inside"]
+KEPT = 4  # measured populations: as many as undo and another convention bring back soon
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be measured, and how.
+
+    Attributes
+    ----------
+    scope : {'fitted', 'inside'}
+        Grains that have an avatar (all inside the scan if none has one), or all inside the scan.
+    axes : {'obb', 'feret', 'inertia'}
+    detail : bool
+    """
+
+    scope: Scope = "fitted"
+    axes: AxisConvention = "obb"
+    detail: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Populations of a state of the project."""
+
+    asked: Asked
+    state: ProjectState
+    found: ProjectPopulations
+
+    @property
+    def populations(self) -> list[Population]:
+        """Those of which something could be measured."""
+        given = (self.found.grains, self.found.avatars)
+        return [population for population in given if population is not None and population.measured.any()]
+
+
+class PopulationWork(Work):
+    """Measures populations, and keeps what was measured until the project changes.
+
+    Attributes
+    ----------
+    asked : Asked
+        What :meth:`measure` measures.
+    measured : Measured or None
+        What was measured last, of the grains that the project still has.
+    others : list of Population
+        Further populations to be shown beside the project's own.
+    changed : signal
+        Something was measured, given up, or is out of date.
+    """
+
+    changed = Signal()
+
+    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+        super().__init__(workspace, queue, parent)
+        self.asked = Asked()
+        self.measured: Measured | None = None
+        self.others: list[Population] = []
+        self._kept: list[Measured] = []
+        self._task: Task | None = None
+        workspace.grains_changed.connect(self._grains_changed)
+        workspace.fits_changed.connect(self._look_up)
+
+    # ---- what there is -------------------------------------------------------------------------
+
+    @property
+    def is_measuring(self) -> bool:
+        return self._task is not None and not self._task.is_over
+
+    @property
+    def is_current(self) -> bool:
+        """Whether what was measured is of the project as it stands, and as asked."""
+        return self.measured is not None and self._fits_now(self.measured)
+
+    @property
+    def populations(self) -> list[Population]:
+        """All populations that can be shown, the reference first."""
+        own = [] if self.measured is None else self.measured.populations
+        return [*own, *self.others]
+
+    def show_others(self, populations: Sequence[Population]) -> None:
+        """Show these populations (clones) beside the project's own."""
+        self.others = list(populations)
+        self.changed.emit()
+
+    def ask(self, **changes: Any) -> None:
+        """Change what is to be measured."""
+        self.asked = Asked(**{**vars(self.asked), **changes})
+        self._look_up()
+
+    # ---- measuring -----------------------------------------------------------------------------
+
+    def measure(self) -> Task | None:
+        """Measure as asked; None if there are no grains or it runs already."""
+        state, asked = self.workspace.state, self.asked
+        if state.grains is None or self.is_measuring:
+            return None
+        task = Task(tr("Measuring populations"), lambda control: _measure(state, asked, control))
+        task.succeeded.connect(self._take)
+        return self._submit(task)
+
+    def cancel(self) -> None:
+        """Give up what is being measured."""
+        if self._task is not None:
+            self._task.cancel()
+
+    def write_report(self, path: Path, sieves: SieveSeries = "iso") -> Task | None:
+        """Write the report of ``mbstudio report``, measuring first where that is to be done."""
+        state, asked = self.workspace.state, self.asked
+        if state.grains is None or self.is_measuring:
+            return None
+        known = self.measured if self.is_current else None
+        name = self.workspace.project.path
+
+        def work(control: Control) -> Measured:
+            from mbstudio.scene.reports.population_report import write_report
+
+            measured = known or _measure(state, asked, control, 0.6)
+            begun = 0.0 if known else 0.6
+            write_report(
+                path, Project(state, name), measured.found, sieves=sieves,
+                progress=lambda share, told: control.progress(begun + (1 - begun) * share, told),
+            )  # fmt: skip
+            return measured
+
+        task = Task(tr("Writing {name}", name=path.name), work)
+        task.succeeded.connect(self._take)
+        return self._submit(task)
+
+    def draw(self, make: Callable[[], Figure], path: Path | None = None) -> Task:
+        """Draw a figure in the background: into a file by its ending, or as the task's result in pixels."""
+
+        def work(control: Control) -> Any:
+            figure = make()
+            control.checkpoint()
+            if path is None:
+                return drawn(figure)
+            from mbstudio.core.replacement import replacing
+
+            with replacing(path) as temporary:
+                figure.savefig(temporary, format=path.suffix.lower()[1:], facecolor="white", dpi=200)
+            return path
+
+        return self.queue.submit(Task(tr("Drawing the figure"), work))
+
+    def _submit(self, task: Task) -> Task:
+        self._task = task
+        task.ended.connect(self.changed)
+        task.started.connect(self.changed)
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def _take(self, measured: Measured) -> None:
+        self._kept = [measured, *(one for one in self._kept if one is not measured)][:KEPT]
+        if measured.state.grains is self.workspace.state.grains:
+            self.measured = measured
+            failed = sum(len(p.failures) for p in (measured.found.grains, measured.found.avatars) if p)
+            if failed:
+                told = tr("{failed} bodies could not be measured; the report says why.", failed=failed)
+                self.said.emit("warning", told)
+
+    def _grains_changed(self) -> None:
+        self.cancel()
+        self.measured, self.others = None, []
+        self._look_up()
+
+    def _look_up(self) -> None:
+        """Take what was measured of just this state before, if it was."""
+        self.measured = next((one for one in self._kept if self._fits_now(one)), self.measured)
+        self.changed.emit()
+
+    def _fits_now(self, measured: Measured) -> bool:
+        state = self.workspace.state
+        same = measured.state.grains is state.grains and measured.state.fits is state.fits
+        return same and measured.asked == self.asked
+
+
+def _measure(state: ProjectState, asked: Asked, control: Control, share: float = 1.0) -> Measured:
+    # What compares distributions takes a second to load: here it does not halt the window.
+    import scipy.stats  # noqa: F401
+
+    labels = None
+    if asked.scope == "inside" and state.grains is not None:
+        labels = np.union1d(state.grains.interior_labels, sorted(state.fits)).astype(int).tolist()
+    found = measure_project(
+        Project(state), labels, axes=asked.axes, detail=asked.detail,
+        progress=lambda done, told: control.progress(share * done, told),
+    )  # fmt: skip
+    return Measured(asked, state, found)

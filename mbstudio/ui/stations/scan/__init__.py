@@ -1,0 +1,1 @@
+"""Station Scan: open a stack, state its voxel size."""

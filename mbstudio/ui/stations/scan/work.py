@@ -1,0 +1,183 @@
+"""Opening a scan, or making the sample, in the background."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from PySide6.QtCore import QObject, Signal
+
+from mbstudio.core.errors import ScanError, UnitError
+from mbstudio.core.project import ScanReference
+from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reopen
+from mbstudio.core.scan import Scan, open_scan, sample_scan
+from mbstudio.core.units import VoxelSize
+from mbstudio.scene.layers.slices import sample_of_voxels
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.scan.dialog import ScanAnswer
+from mbstudio.ui.stations.work import Work
+from mbstudio.ui.workers import Control, Task, TaskQueue
+from mbstudio.ui.workspace import Workspace
+
+RAW_SUFFIXES = {".raw", ".bin", ".vol", ".dat"}
+SCAN_SUFFIXES = (".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mhd", ".mha", *sorted(RAW_SUFFIXES))
+IN_MEMORY = 4 * 2**30  # bytes up to which lazy slices are read at once, so that every cut is quick
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedScan:
+    """A scan with what a worker found out about it."""
+
+    scan: Scan
+    reference: ScanReference
+    title: str
+    name: str
+
+
+def is_raw(path: Path) -> bool:
+    """Return whether a file's shape must be told."""
+    return path.suffix.lower() in RAW_SUFFIXES
+
+
+class ScanWork(Work):
+    """Opens scans.
+
+    Attributes
+    ----------
+    asked : signal (Path, str, bool)
+        A scan whose voxel size is missing: its path, what is missing, whether it is RAW. Answer
+        with :meth:`open_answered`.
+    missing : signal (str)
+        The project's scan is not where it was, or is another one: what was found. Answer with
+        :meth:`relocate`, or go on without it.
+    """
+
+    asked = Signal(object, str, bool)
+    missing = Signal(str)
+
+    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+        super().__init__(workspace, queue, parent)
+
+    def open(self, path: Path, voxel_size: VoxelSize | str | None = None) -> Task | None:
+        """Open a file or a folder of slices; ask for what it does not say."""
+        path = Path(path)
+        if is_raw(path) and path.is_file():
+            self.asked.emit(path, tr("A RAW file holds nothing but voxels: tell what they are."), True)
+            return None
+        size = VoxelSize.parse(voxel_size) if voxel_size is not None else None
+        return self.open_answered(ScanAnswer(path, size))
+
+    def open_answered(self, answer: ScanAnswer) -> Task:
+        """Open a scan with what the person said about it."""
+        path = answer.path
+
+        def work(control: Control) -> OpenedScan:
+            scan = open_scan(
+                path,
+                answer.voxel_size,
+                shape=answer.shape,
+                dtype=answer.dtype,
+                header_bytes=answer.header_bytes,
+                big_endian=answer.big_endian,
+            )
+            control.checkpoint()
+            return _opened(scan, tr("Open {name}", name=path.name), path.name.capitalize())
+
+        task = Task(tr("Opening {name}", name=path.name), work)
+        task.succeeded.connect(self._take)
+        task.succeeded.connect(lambda _: self.workspace.remember(path))
+        if answer.voxel_size is None:
+            task.handled = (UnitError,)
+            task.failed.connect(lambda error: self._ask(path, error))
+        return self.queue.submit(task)
+
+    def open_sample(self) -> Task:
+        """Make the built-in sample scan."""
+        task = Task(
+            tr("Making the sample scan"),
+            lambda control: _opened(sample_scan().scan, tr("Open sample scan"), tr("Sample scan")),
+        )
+        task.succeeded.connect(self._take)
+        return self.queue.submit(task)
+
+    def reopen(self) -> Task | None:
+        """Open the scan that the project refers to."""
+        if self.workspace.state.scan is None:
+            return None
+        project = self.workspace.project
+        task = Task(tr("Opening the project's scan"), lambda control: project.scan)
+        task.succeeded.connect(lambda scan: self._give(project, scan))
+        task.handled = (ScanError,)
+        task.failed.connect(lambda error: self._miss(project, error))
+        return self.queue.submit(task)
+
+    def relocate(self, path: Path) -> Task | None:
+        """Take the project's scan from its new place; it must hold the same voxels."""
+        project, reference = self.workspace.project, self.workspace.state.scan
+        if reference is None:
+            return None
+
+        def take(scan: Scan) -> None:
+            if project is self.workspace.project:
+                self.workspace.change(tr("Relocate scan"), scan=replace(reference, path=path))
+                self.workspace.give_scan(scan)
+                self.said.emit("success", tr("Found the project's scan in {path}.", path=path))
+
+        task = Task(tr("Opening {name}", name=path.name), lambda control: reopen(reference, path))
+        task.succeeded.connect(take)
+        task.handled = (ScanError,)
+        task.failed.connect(lambda error: self._miss(project, error))
+        return self.queue.submit(task)
+
+    def _miss(self, project: object, error: Exception) -> None:
+        if project is self.workspace.project and isinstance(error, ScanError):
+            # The window has a button where the command line has an option.
+            self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("tell where it is")))
+
+    def change_voxel_size(self, size: VoxelSize) -> None:
+        """Correct the voxel size of the present scan; grains and fits no longer hold."""
+        reference = self.workspace.state.scan
+        if reference is None or reference.voxel_size == size:
+            return
+        self.workspace.change(
+            tr("Change voxel size"),
+            scan=replace(reference, voxel_size=size),
+            grains=None,
+            fits={},
+            segmentation=None,
+        )
+
+    def _give(self, project: object, scan: Scan) -> None:
+        if project is self.workspace.project and scan is not None:
+            self.workspace.give_scan(scan)
+
+    def _ask(self, path: Path, error: Exception) -> None:
+        if isinstance(error, UnitError):
+            self.asked.emit(path, tr("The file does not say how large its voxels are."), False)
+
+    def _take(self, opened: OpenedScan) -> None:
+        self.workspace.use_scan(opened.scan, opened.reference, opened.title)
+        shape = " × ".join(str(count) for count in opened.scan.shape)
+        self.said.emit(
+            "success",
+            tr(
+                "{scan}: {shape} voxels of {voxel_size}. Next: find the grains.",
+                scan=opened.name,
+                shape=shape,
+                voxel_size=opened.scan.voxel_size,
+            ),
+        )
+
+
+def _opened(scan: Scan, title: str, name: str) -> OpenedScan:
+    """Do what reads many voxels: bring lazy slices into memory, and take the digest."""
+    size = int(np.prod(scan.shape)) * np.dtype(scan.voxels.dtype).itemsize
+    if not isinstance(scan.voxels, np.ndarray) and size <= IN_MEMORY:
+        scan = replace(scan, voxels=scan.load())
+    return OpenedScan(scan, refer_to(scan), title, name)
+
+
+def grey_values(scan: Scan) -> np.ndarray:
+    """Return grey values for a histogram."""
+    return sample_of_voxels(scan)

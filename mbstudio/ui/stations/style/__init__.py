@@ -1,0 +1,1 @@
+"""Station Style: learn what the avatars have in common, make clones."""

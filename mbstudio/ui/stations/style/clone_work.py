@@ -1,0 +1,270 @@
+"""Generating clones, and comparing them with their parents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QObject, Signal
+
+from mbstudio.core.batch.processes import usable_cores
+from mbstudio.core.errors import GenerationError
+from mbstudio.core.populations import Population
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.work import Work
+from mbstudio.ui.workers import Control, Report, Task, TaskQueue
+from mbstudio.ui.workspace import Workspace
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.generate.generation import Generation
+    from mbstudio.core.vae.generate.quality import Quality
+    from mbstudio.core.vae.models.style_learner import StyleLearner
+
+_MANY = 40  # bodies for which starting processes pays
+
+
+@dataclass(frozen=True, eq=False)
+class Assessed:
+    """Clones compared with their parents."""
+
+    learner: StyleLearner
+    clones: Generation
+    parents: Population
+    quality: Quality
+
+
+class CloneWork(Work):
+    """Generates clones, and says how good they are.
+
+    Attributes
+    ----------
+    selected : int or None
+        The clone that is looked at, counted from 1.
+    assessed : Assessed or None
+        Of the present clones.
+    progress : Report or None
+        Of the generation that runs.
+    refused : signal (str)
+        Why what was asked for cannot be generated; empty when it can.
+    selection_changed, changed : signal
+    """
+
+    refused = Signal(str)
+    selection_changed = Signal()
+    changed = Signal()
+
+    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+        super().__init__(workspace, queue, parent)
+        self.selected: int | None = None
+        self.assessed: Assessed | None = None
+        self.progress: Report | None = None
+        self._task: Task | None = None
+        self._assessing: Task | None = None
+        self._parents: tuple[StyleLearner, Population] | None = None
+        workspace.clones_changed.connect(self._clones_changed)
+
+    # ---- what there is ---------------------------------------------------------------------------
+
+    @property
+    def is_running(self) -> bool:
+        """Whether clones are being generated."""
+        return self._task is not None and not self._task.is_over
+
+    @property
+    def is_assessing(self) -> bool:
+        """Whether clones are being compared with their parents."""
+        return self._assessing is not None and not self._assessing.is_over
+
+    @property
+    def factors(self) -> Population | None:
+        """What was measured of the clones."""
+        clones = self.workspace.clones
+        return None if clones is None else clones.factors
+
+    def select(self, clone: int | None) -> None:
+        """Look at one clone, counted from 1, or at none."""
+        clones = self.workspace.clones
+        if clone is not None and (clones is None or not 1 <= clone <= len(clones)):
+            clone = None
+        if clone != self.selected:
+            self.selected = clone
+            self.selection_changed.emit()
+
+    # ---- generating ------------------------------------------------------------------------------
+
+    def targets(self, text: str) -> list[str]:
+        """Return the conditions of a text, parted by semicolons or lines.
+
+        Raises
+        ------
+        GenerationError
+            If one cannot be understood.
+        """
+        parts = [part.strip() for line in text.splitlines() for part in line.split(";")]
+        given = [part for part in parts if part]
+        learner = self.workspace.style
+        if given and learner is not None:
+            from mbstudio.core.vae.generate.targets import parse_targets
+
+            parse_targets(given, learner.unit)
+        return given
+
+    def generate(self, count: int, seed: int = 0, where: Sequence[str] = ()) -> Task | None:
+        """Generate clones in the style that is there; None without one, or while it runs."""
+        learner = self.workspace.style
+        if learner is None or self.is_running:
+            return None
+
+        def work(control: Control) -> Generation:
+            # What station Populations compares with takes a second to load: not in the main thread.
+            import scipy.stats  # noqa: F401
+
+            from mbstudio.core.vae.generate.generator import generate
+
+            control.report(0.0, tr("Drawing candidates"))
+            return generate(
+                learner, count, seed, targets=list(where) or None, processes=_processes(count),
+                on_progress=control.progress,
+            )  # fmt: skip
+
+        task = Task(tr("Generating {count} clones", count=count), work)
+        # What cannot be had is said where it was asked for.
+        task.handled = (GenerationError,)
+        task.failed.connect(self._refuse)
+        task.reported.connect(self._report)
+        task.succeeded.connect(lambda found: self._take(found, learner))
+        for signal in (task.started, task.ended):
+            signal.connect(self.changed)
+        self._task, self.progress = task, None
+        self.refused.emit("")
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def cancel(self) -> None:
+        """Give up the generation; the clones that were there stay."""
+        if self._task is not None:
+            self._task.cancel()
+
+    def _report(self, report: Report) -> None:
+        self.progress = report
+        self.changed.emit()
+
+    def _refuse(self, error: Exception) -> None:
+        if isinstance(error, GenerationError):
+            self.refused.emit(str(error))
+
+    def _take(self, found: Generation, learner: StyleLearner) -> None:
+        if learner is not self.workspace.style:
+            return
+        self.workspace.use_clones(found, tr("Generate {count} clones", count=len(found)))
+        missed = [figure for figure in found.reached if not figure.met]
+        told = [
+            tr(
+                "{clones} clones of {candidates} candidates, every one a valid body.",
+                clones=len(found),
+                candidates=found.counts.candidates,
+            )
+        ]
+        if missed:
+            names = ", ".join(figure.what for figure in missed)
+            told.append(tr("Not quite reached: {figures}.", figures=names))
+        self.said.emit("warning" if missed else "success", " ".join(told))
+        self.assess()
+
+    # ---- comparing -------------------------------------------------------------------------------
+
+    def assess(self) -> Task | None:
+        """Compare the clones with their parents; None if that is done or cannot be."""
+        learner, clones = self.workspace.style, self.workspace.clones
+        if learner is None or clones is None or clones.factors is None or self.is_assessing:
+            return None
+        if self.assessed is not None and self.assessed.clones is clones:
+            return None
+        task = Task(
+            tr("Comparing clones and parents"), lambda control: self._compared(learner, clones, control)
+        )
+        task.succeeded.connect(self._keep)
+        for signal in (task.started, task.ended):
+            signal.connect(self.changed)
+        self._assessing = task
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def write_report(self, path: Path) -> Task | None:
+        """Write the report of ``mbstudio generate --report``, comparing first where that is to be done."""
+        learner, clones = self.workspace.style, self.workspace.clones
+        if learner is None or clones is None or clones.factors is None:
+            return None
+        known = self.assessed if self.assessed is not None and self.assessed.clones is clones else None
+        project = self.workspace.project.path
+
+        def work(control: Control) -> Assessed:
+            from mbstudio.scene.reports.generation_report import write_generation_report
+
+            found = known or self._compared(learner, clones, control, 0.6)
+            begun = 0.0 if known else 0.6
+            write_generation_report(
+                path, project.stem if project else "the project", clones, found.parents, found.quality,
+                progress=lambda share, told: control.progress(begun + (1 - begun) * share, told),
+            )  # fmt: skip
+            return found
+
+        task = Task(tr("Writing {name}", name=path.name), work)
+        task.succeeded.connect(self._keep)
+        return self.queue.submit(task)
+
+    def _compared(
+        self, learner: StyleLearner, clones: Generation, control: Control, share: float = 1.0
+    ) -> Assessed:
+        from mbstudio.core.populations import measure_population
+        from mbstudio.core.vae.generate.quality import assess
+
+        known = self._parents
+        if clones.parent_factors is not None:
+            parents = clones.parent_factors
+        elif known is not None and known[0] is learner:
+            parents = known[1]
+        else:
+            bodies = learner.parents.avatars()
+            processes = _processes(len(bodies))
+            parents = measure_population(
+                bodies, range(1, len(bodies) + 1), name="parents", kind="avatars",
+                workers=0 if processes == 1 else processes,
+                progress=lambda done, told: control.progress(0.7 * share * done, told),
+            )  # fmt: skip
+            self._parents = learner, parents
+        control.progress(0.7 * share, tr("Comparing"))
+        assert clones.factors is not None
+        quality = assess(learner.parents, parents, clones.clones, clones.factors, counts=clones.counts)
+        return Assessed(learner, clones, parents, quality)
+
+    def _keep(self, found: Assessed) -> None:
+        if found.clones is self.workspace.clones:
+            self.assessed = found
+            self.changed.emit()
+
+    def _clones_changed(self) -> None:
+        if self.assessed is not None and self.assessed.clones is not self.workspace.clones:
+            self.assessed = None
+        self.select(None)
+        self.changed.emit()
+
+    # ---- for the other stations ------------------------------------------------------------------
+
+    def shown_populations(self) -> list[Population]:
+        """Return what station Populations shows beside grains and avatars, in their unit."""
+        clones, grains = self.factors, self.workspace.state.grains
+        if clones is None:
+            return []
+        if grains is not None:
+            return [clones.in_unit(grains.unit)]
+        assessed: Any = self.assessed
+        return [clones] if assessed is None else [assessed.parents, clones]
+
+
+def _processes(bodies: int) -> int:
+    return usable_cores() if bodies >= _MANY else 1

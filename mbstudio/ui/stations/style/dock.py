@@ -1,0 +1,148 @@
+"""What comes of a style: curves of the training, the clones with their factors, their quality."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QFrame,
+    QHeaderView,
+    QStackedWidget,
+    QTabBar,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+)
+
+from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.populations import Population
+from mbstudio.scene.figures.population_style import readable_scale
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.style.quality_table import QualityTable
+from mbstudio.ui.stations.style.training_plots import TrainingPlots
+from mbstudio.ui.theme import Theme
+
+FACTORS = ("dn", "volume", "area", "sphericity", "circularity", "dns", "csf")
+
+
+class CloneTable(QTableWidget):
+    """One row a clone; sorts by a click on a head.
+
+    Attributes
+    ----------
+    chosen : signal (int or None)
+        The clone of the row with the cursor.
+    """
+
+    chosen = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__(0, 1 + len(FACTORS))
+        self.setAccessibleName(tr("Clones"))
+        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setShowGrid(False)
+        self.setAlternatingRowColors(True)
+        self.setTabKeyNavigation(False)
+        self.verticalHeader().hide()
+        self.verticalHeader().setDefaultSectionSize(25)
+        header = self.horizontalHeader()
+        header.setHighlightSections(False)
+        header.setMinimumSectionSize(52)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        self._quiet = False
+        self.itemSelectionChanged.connect(self._told)
+
+    def show_clones(self, clones: Population | None) -> None:
+        """Fill the table anew."""
+        self._quiet = True
+        self.setSortingEnabled(False)
+        self.setRowCount(0 if clones is None else len(clones))
+        heads = [tr("Clone")]
+        for place, factor in enumerate(FACTORS, 1):
+            scale, unit = (1.0, "um") if clones is None else readable_scale([clones], factor)
+            name = FACTOR_NAMES[factor]
+            words = name.symbol if name.power or factor in ("csf", "dns") else name.title
+            heads.append(f"{words} [{name.unit(unit)}]" if clones is not None and name.unit(unit) else words)
+            for row, value in enumerate([] if clones is None else clones.column(factor)):
+                self.setItem(row, place, _number(scale * float(value)))
+        for row in range(self.rowCount()):
+            item = QTableWidgetItem()
+            item.setData(Qt.ItemDataRole.DisplayRole, row + 1)
+            item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+            self.setItem(row, 0, item)
+        for place, head in enumerate(heads):
+            item = QTableWidgetItem(head)
+            item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+            item.setToolTip("" if not place else FACTOR_NAMES[FACTORS[place - 1]].title)
+            self.setHorizontalHeaderItem(place, item)
+        self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
+        self.setSortingEnabled(True)
+        self._quiet = False
+
+    def select(self, clone: int | None) -> None:
+        """Choose a row, without telling it."""
+        self._quiet = True
+        self.clearSelection()
+        for row in range(self.rowCount()):
+            item = self.item(row, 0)
+            if item is not None and item.data(Qt.ItemDataRole.DisplayRole) == clone:
+                self.selectRow(row)
+                self.scrollToItem(item)
+        self._quiet = False
+
+    def _told(self) -> None:
+        if not self._quiet:
+            rows = self.selectionModel().selectedRows()
+            item = self.item(rows[0].row(), 0) if rows else None
+            self.chosen.emit(None if item is None else int(item.data(Qt.ItemDataRole.DisplayRole)))
+
+
+class StyleDock(QFrame):
+    """Three pages: training, clones, quality."""
+
+    def __init__(self, theme: Theme) -> None:
+        super().__init__()
+        self.setObjectName("plots")
+        self.setMinimumHeight(190)
+        self.training = TrainingPlots(theme)
+        self.clones = CloneTable()
+        self.quality = QualityTable(theme)
+        self.tabs = QTabBar()
+        self.tabs.setExpanding(False)
+        self.tabs.setDrawBase(False)
+        self.tabs.setAccessibleName(tr("What is shown of the style"))
+        self._stack = QStackedWidget()
+        for title, page in (
+            (tr("Training"), self.training), (tr("Clones"), self.clones), (tr("Quality"), self.quality),
+        ):  # fmt: skip
+            self.tabs.addTab(title)
+            self._stack.addWidget(page)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addWidget(self.tabs)
+        layout.addWidget(self._stack, 1)
+        self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
+
+    def open_page(self, name: str) -> None:
+        """Turn to 'training', 'clones' or 'quality'."""
+        self.tabs.setCurrentIndex(("training", "clones", "quality").index(name))
+
+
+class _Number(QTableWidgetItem):
+    """A number that sorts as one."""
+
+    def __lt__(self, other: QTableWidgetItem) -> bool:
+        role = Qt.ItemDataRole.UserRole
+        return bool(self.data(role) < other.data(role))
+
+
+def _number(value: float) -> QTableWidgetItem:
+    known = bool(np.isfinite(value))
+    item = _Number(f"{value:#.4g}" if known else "–")
+    item.setData(Qt.ItemDataRole.UserRole, value if known else float("inf"))
+    item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+    return item

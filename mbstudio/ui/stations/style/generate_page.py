@@ -1,0 +1,212 @@
+"""The page on which clones are generated: how many, what they are to be like, the one looked at."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QHBoxLayout, QPlainTextEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
+
+from mbstudio.core.errors import GenerationError
+from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.populations import Population
+from mbstudio.scene.figures.population_style import readable_scale
+from mbstudio.ui.language import tr
+from mbstudio.ui.shell.task_strip import readable_time
+from mbstudio.ui.stations.style.clone_work import CloneWork
+from mbstudio.ui.stations.style.dock import FACTORS
+from mbstudio.ui.widgets.comparison_table import ComparisonTable
+from mbstudio.ui.widgets.forms import label, primary_button, row
+from mbstudio.ui.workspace import Workspace
+
+_ROWS = tuple(
+    (name.symbol if name.power else name.title, name.title)
+    for name in (FACTOR_NAMES[factor] for factor in FACTORS)
+)
+
+
+class GeneratePage(QWidget):
+    """Asks for clones, and shows the one that is looked at.
+
+    Attributes
+    ----------
+    report_asked, populations_asked, export_asked : signal
+    foot : QWidget
+        The buttons, for the panel's foot.
+    """
+
+    report_asked = Signal()
+    populations_asked = Signal()
+    export_asked = Signal()
+
+    def __init__(self, workspace: Workspace, work: CloneWork) -> None:
+        super().__init__()
+        self._workspace, self._work = workspace, work
+        self.count, self.seed = QSpinBox(), QSpinBox()
+        self.count.setRange(1, 100_000)
+        self.count.setValue(100)
+        self.seed.setRange(0, 2**31 - 1)
+        self.where = QPlainTextEdit()
+        self.where.setPlaceholderText("sphericity=0.75..0.8\nD50=0.4 mm")
+        self.where.setAccessibleName(tr("Conditions"))
+        self.where.setTabChangesFocus(True)
+        self.where.setFixedHeight(64)
+        tip = tr(
+            "<p>What the clones are to be like, one condition a line: <i>sphericity=0.75..0.8</i> for every "
+            "clone, <i>csf=0.7+-0.05</i> for mean and deviation, <i>D50=0.4 mm</i>, "
+            "<i>sieve=0.3:10,0.4:55,0.6:100 mm</i>. Empty: like their parents.</p>"
+        )
+        self.where.setToolTip(tip)
+        self.refusal = label("", "refusal", wrap=True)
+        self.refusal.hide()
+        conditions = label(tr("Conditions"), "key")
+        conditions.setBuddy(self.where)
+        conditions.setToolTip(tip)
+        self._clone = label("", "figure")
+        self._facts = label("", "hint", wrap=True)
+        self.factors = ComparisonTable(tr("Factors of the clone"), _ROWS)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(10)
+        for part in (
+            row(tr("Clones"), self.count, tr("How many new grains")),
+            row(tr("Seed"), self.seed, tr("The same seed gives the same clones")),
+            conditions,
+            self.where,
+            self.refusal,
+        ):
+            layout.addWidget(part)
+        layout.addSpacing(8)
+        for part in (self._clone, self._facts, self.factors):
+            layout.addWidget(part)
+        layout.addStretch(1)
+        self._make_foot()
+        self._connect()
+        self.refresh()
+
+    def _make_foot(self) -> None:
+        self.foot = QWidget()
+        layout = QVBoxLayout(self.foot)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(8)
+        self._hint = label("", "hint", wrap=True)
+        self.generate_button = primary_button(tr("Generate"))
+        self.cancel_button = QPushButton(tr("Cancel"))
+        self.report_button = QPushButton(tr("Report…"))
+        self.report_button.setToolTip(tr("Write parents and clones compared as one HTML file"))
+        self.populations_button, self.export_button = (
+            QPushButton(tr("Populations")),
+            QPushButton(tr("Export…")),
+        )
+        self.populations_button.setToolTip(
+            tr("Compare the clones with grains and avatars at station Populations")
+        )
+        self.export_button.setToolTip(tr("Write the clones for a DEM engine at station Export"))
+        self._after = QWidget()
+        line = QHBoxLayout(self._after)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.setSpacing(8)
+        for button in (self.report_button, self.populations_button, self.export_button):
+            line.addWidget(button, 1)
+        for part in (self._hint, self.generate_button, self.cancel_button, self._after):
+            layout.addWidget(part)
+
+    def _connect(self) -> None:
+        self.generate_button.clicked.connect(self.generate)
+        self.cancel_button.clicked.connect(self._work.cancel)
+        self.report_button.clicked.connect(self.report_asked)
+        self.populations_button.clicked.connect(self.populations_asked)
+        self.export_button.clicked.connect(self.export_asked)
+        self.where.textChanged.connect(lambda: self._refuse(""))
+        self._work.refused.connect(self._refuse)
+        self._work.changed.connect(self.refresh)
+        self._work.selection_changed.connect(self._show_clone)
+        self._workspace.style_changed.connect(self.refresh)
+
+    def generate(self) -> None:
+        """Generate as the fields say; what cannot be understood stays, with the reason below."""
+        try:
+            where = self._work.targets(self.where.toPlainText())
+        except GenerationError as error:
+            self._refuse(str(error))
+            return
+        self._work.generate(self.count.value(), self.seed.value(), where)
+
+    def _refuse(self, why: str) -> None:
+        self.refusal.setText(why)
+        self.refusal.setVisible(bool(why))
+
+    # ---- keeping in step -------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Show what runs, what can be done and the clone that is looked at."""
+        running, learner = self._work.is_running, self._workspace.style
+        clones = self._workspace.clones
+        self.generate_button.setVisible(not running)
+        self.generate_button.setEnabled(learner is not None)
+        self.cancel_button.setVisible(running)
+        self._after.setVisible(not running and clones is not None)
+        hint = ""
+        if running:
+            report = self._work.progress
+            left = None if report is None else report.seconds_left
+            hint = tr("Drawing candidates …") if report is None else report.message
+            if left:
+                hint = tr("{hint} · {time} left", hint=hint, time=readable_time(left))
+        elif learner is None:
+            hint = tr("There is no style yet: learn or open one first.")
+        self._hint.setText(hint)
+        self._hint.setVisible(bool(hint))
+        self._show_clone()
+
+    def _show_clone(self) -> None:
+        clones, factors, chosen = self._workspace.clones, self._work.factors, self._work.selected
+        self._clone.setVisible(clones is not None)
+        self._facts.setVisible(clones is not None)
+        self.factors.setVisible(factors is not None)
+        if clones is None:
+            return
+        counts = clones.counts
+        if chosen is None:
+            self._clone.setText(tr("{count} clones", count=len(clones)))
+            self._facts.setText(
+                tr(
+                    "Of {candidates} candidates {valid} were valid as drawn and {repaired} were repaired. "
+                    "Click a clone in the view, or a row of the table, to look at it.",
+                    candidates=counts.candidates,
+                    valid=counts.valid,
+                    repaired=counts.repaired,
+                )
+            )
+        else:
+            parent = int(clones.parents[chosen - 1])
+            learner = self._workspace.style
+            drawn = (
+                tr("Drawn from {parent}", parent=learner.parents.names[parent])
+                if learner is not None and 0 <= parent < len(learner.parents)
+                else tr("Drawn from no single parent")
+            )
+            self._clone.setText(tr("Clone {number}", number=chosen))
+            self._facts.setText(tr("{drawn} · n = {n} · valid", drawn=drawn, n=clones.clones.template.n))
+        if factors is not None:
+            self._fill(factors, chosen)
+
+    def _fill(self, factors: Population, chosen: int | None) -> None:
+        """Show the factors of the chosen clone, else those in the mean, beside the parents'."""
+        assessed = self._work.assessed
+        shown = [factors] if assessed is None else [factors, assessed.parents]
+        ours, theirs, units = [], [], []
+        for name in FACTORS:
+            scale, unit = readable_scale([factors], name)
+            column = factors.column(name)
+            value = np.nanmean(column) if chosen is None else column[chosen - 1]
+            ours.append(_text(scale * float(value)))
+            theirs.append("" if assessed is None else _text(scale * float(np.nanmean(shown[1].column(name)))))
+            units.append(FACTOR_NAMES[name].unit(unit))
+        heads = [tr("Mean") if chosen is None else tr("Clone {number}", number=chosen), tr("Parents")]
+        columns = [ours, theirs]
+        some = 2 if assessed is not None else 1
+        self.factors.fill(heads[:some], columns[:some], units)
+
+
+def _text(value: float) -> str:
+    return f"{value:#.4g}" if np.isfinite(value) else "–"

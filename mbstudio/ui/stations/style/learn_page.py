@@ -1,0 +1,348 @@
+"""The page on which a style is learned: parents, how, and the card of what was learned."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
+
+from mbstudio.core.units import unit_label
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.shell.task_strip import readable_time
+from mbstudio.ui.stations.style.work import FEW_FOR_NETWORKS, Asked, Parents, Source, StyleWork, percent
+from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
+from mbstudio.ui.workspace import Workspace
+
+FEWEST = 5
+PRESETS = (
+    (
+        "aligned",
+        mark("Aligned network"),
+        mark("A variational autoencoder whose control points correspond: closest clones."),
+    ),
+    (
+        "pca",
+        mark("Principal components"),
+        mark("The linear baseline: found at once, the better choice for few parents."),
+    ),
+    (
+        "paper",
+        mark("As in the paper"),
+        mark("The paper's network on shuffled, rotated control points, for comparison."),
+    ),
+)
+_SOURCES = {
+    "inside": mark("Grains inside"),
+    "chosen": mark("Chosen grains"),
+    "avatars": mark("Avatars"),
+    "folder": mark("Folder of meshes"),
+}
+_UNITS = ("mm", "um", "cm", "m")
+_WIDE = 190
+
+
+class LearnPage(QWidget):
+    """Asks for parents and how to learn from them; shows the style-learner's card.
+
+    Attributes
+    ----------
+    folder_asked, open_asked, save_asked : signal
+    foot : QWidget
+        The buttons, for the panel's foot.
+    """
+
+    folder_asked = Signal()
+    open_asked = Signal()
+    save_asked = Signal()
+
+    def __init__(self, workspace: Workspace, work: StyleWork) -> None:
+        super().__init__()
+        self._workspace, self._work = workspace, work
+        self._preset_is_chosen = False
+        self.source, self.preset, self.unit = QComboBox(), QComboBox(), QComboBox()
+        for name in get_args(Source):
+            self.source.addItem(tr(_SOURCES[name]), name)
+        for name, title, tip in PRESETS:
+            self.preset.addItem(tr(title), name)
+            self.preset.setItemData(self.preset.count() - 1, tr(tip), 3)
+        for unit in _UNITS:
+            self.unit.addItem(unit_label(unit), unit)
+        self.n, self.steps, self.seed = QSpinBox(), QSpinBox(), QSpinBox()
+        self.n.setRange(4, 400)
+        self.n.setValue(40)
+        self.steps.setRange(0, 1_000_000)
+        self.steps.setSingleStep(500)
+        self.steps.setSpecialValueText(tr("as usual"))
+        self.seed.setRange(0, 2**31 - 1)
+        self.folder = QLineEdit()
+        self.folder.setPlaceholderText(tr("Folder of STL, PLY, OBJ or OFF files"))
+        self.folder.setAccessibleName(tr("Folder of meshes"))
+        browse = QPushButton(tr("Browse…"))
+        browse.clicked.connect(self.folder_asked)
+        self._folder_rows = QWidget()
+        self._explained = label("", "hint", wrap=True)
+        self._advice = label("", "hint", wrap=True)
+        self.take_pca = quiet_button(tr("Use principal components"))
+        self._card = label("", "hint", wrap=True)
+        self._card_name = label("", "key", wrap=True)
+        self.open_button, self.save_button = QPushButton(tr("Open…")), QPushButton(tr("Save…"))
+        self.open_button.setToolTip(tr("Open the folder of a style-learner, as “mbstudio learn” writes it"))
+        self.save_button.setToolTip(tr("Write the style-learner into a folder, for “mbstudio generate” too"))
+        self._lay_out(browse)
+        self._make_foot()
+        self._connect()
+        self.refresh()
+
+    def _lay_out(self, browse: QPushButton) -> None:
+        line = QHBoxLayout()
+        line.addWidget(self.folder, 1)
+        line.addWidget(browse)
+        rows = QVBoxLayout(self._folder_rows)
+        rows.setContentsMargins(0, 0, 0, 0)
+        rows.addLayout(line)
+        rows.addWidget(row(tr("Unit of the meshes"), self.unit, tr("That the numbers in the files are in")))
+        buttons = QHBoxLayout()
+        buttons.addWidget(self.open_button)
+        buttons.addWidget(self.save_button)
+        buttons.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(10)
+        for part in (
+            row(tr("Parents"), self.source, tr("The bodies whose form and size are learned")),
+            self._folder_rows,
+            row(tr("Preset"), self.preset, tr("Kind of style-learner")),
+            self._explained,
+            self._advice,
+            self.take_pca,
+            row(tr("Control points n"), self.n, tr("Of every parent's avatar and of every clone")),
+            row(
+                tr("Steps"),
+                self.steps,
+                tr("Of the training; as usual: 4000, or 2000 below 100 parents (aligned)"),
+            ),
+            row(tr("Seed"), self.seed, tr("The same seed gives the same style-learner")),
+        ):
+            layout.addWidget(part)
+        for field in (self.source, self.preset):
+            field.setFixedWidth(_WIDE)
+        layout.addSpacing(8)
+        layout.addWidget(label(tr("Style-learner"), "heading"))
+        layout.addWidget(self._card_name)
+        layout.addWidget(self._card)
+        layout.addLayout(buttons)
+        layout.addStretch(1)
+
+    def _make_foot(self) -> None:
+        self.foot = QWidget()
+        layout = QVBoxLayout(self.foot)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(8)
+        self._hint = label("", "hint", wrap=True)
+        self.learn_button = primary_button(tr("Learn"))
+        self.on_button = QPushButton(tr("Learn on"))
+        self.on_button.setToolTip(tr("Teach new grains to the style-learner without forgetting the old ones"))
+        self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
+        self.cancel_button = QPushButton(tr("Cancel"))
+        self.stop_button.setToolTip(tr("End the training and keep its best state"))
+        self.cancel_button.setToolTip(tr("Give up; the style-learner that was there stays"))
+        self._running = QWidget()
+        line = QHBoxLayout(self._running)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.setSpacing(8)
+        for button in (self.pause_button, self.stop_button, self.cancel_button):
+            line.addWidget(button, 1)
+        for part in (self._hint, self.learn_button, self.on_button, self._running):
+            layout.addWidget(part)
+
+    def _connect(self) -> None:
+        self.preset.activated.connect(self._preset_chosen)
+        self.take_pca.clicked.connect(self._choose_pca)
+        for field in (self.source, self.preset, self.unit):
+            field.currentIndexChanged.connect(lambda _: self.refresh())
+        self.folder.textChanged.connect(lambda _: self.refresh())
+        self.learn_button.clicked.connect(self.learn)
+        self.on_button.clicked.connect(self.learn_on)
+        self.pause_button.clicked.connect(self._work.pause)
+        self.stop_button.clicked.connect(self._work.stop)
+        self.cancel_button.clicked.connect(self._work.cancel)
+        self.open_button.clicked.connect(self.open_asked)
+        self.save_button.clicked.connect(self.save_asked)
+        space = self._workspace
+        for signal in (
+            space.grains_changed, space.fits_changed, space.selection_changed, space.style_changed,
+            self._work.changed,
+        ):  # fmt: skip
+            signal.connect(self.refresh)
+
+    # ---- what was chosen -------------------------------------------------------------------------
+
+    @property
+    def parents(self) -> Parents:
+        """The bodies that the fields mean."""
+        source: Source = self.source.currentData()
+        if source != "folder":
+            return Parents(source, self._work.labels(source))
+        text = self.folder.text().strip()
+        return Parents("folder", (), Path(text).expanduser() if text else None, self.unit.currentData())
+
+    @property
+    def asked(self) -> Asked:
+        """What the fields ask for."""
+        return Asked(
+            self.parents, self.n.value(), self.preset.currentData(), self.steps.value() or None,
+            self.seed.value(),
+        )  # fmt: skip
+
+    def learn(self) -> None:
+        """Learn as the fields say."""
+        self._work.learn(self.asked)
+
+    def learn_on(self) -> None:
+        """Teach the style-learner what it does not know yet."""
+        given = self.parents
+        labels = self._work.new_labels(given.source)
+        new = given if given.source == "folder" else Parents(given.source, labels)
+        self._work.learn_on(new, self.seed.value())
+
+    def choose_preset(self, name: str) -> None:
+        """Choose a preset as a person does."""
+        self.preset.setCurrentIndex(self.preset.findData(name))
+        self._preset_chosen()
+
+    def _preset_chosen(self, *_: object) -> None:
+        self._preset_is_chosen = True
+        self.refresh()
+
+    def _choose_pca(self) -> None:
+        self.choose_preset("pca")
+
+    # ---- keeping in step -------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Offer what there is to learn from, and show what runs and what was learned."""
+        model = self.source
+        for place, name in enumerate(get_args(Source)):
+            if name != "folder":
+                model.setItemText(place, f"{tr(_SOURCES[name])} ({len(self._work.labels(name))})")
+        self._folder_rows.setVisible(self.source.currentData() == "folder")
+        count = self._count()
+        if not self._preset_is_chosen and count is not None:
+            # The card of a network says the same: with so few parents it has too little to learn from.
+            with QSignalBlocker(self.preset):
+                wanted = "pca" if FEWEST <= count < FEW_FOR_NETWORKS else "aligned"
+                self.preset.setCurrentIndex(self.preset.findData(wanted))
+        preset = self.preset.currentData()
+        self._explained.setText(tr(next(words for name, _, words in PRESETS if name == preset)))
+        few = count is not None and FEWEST <= count < FEW_FOR_NETWORKS and preset != "pca"
+        self._advice.setText(
+            tr(
+                "With {count} parents, fewer than {enough}, principal components reproduce grains "
+                "that they have not seen better than a network.",
+                count=count,
+                enough=FEW_FOR_NETWORKS,
+            )
+        )
+        self._advice.setVisible(few)
+        self.take_pca.setVisible(few)
+        self.steps.setEnabled(preset != "pca")
+        self._show_foot(count)
+        self._show_card()
+
+    def _count(self) -> int | None:
+        """Return the number of parents; None of a folder, which is read only when it is learned from."""
+        source = self.source.currentData()
+        return None if source == "folder" else len(self._work.labels(source))
+
+    def _show_foot(self, count: int | None) -> None:
+        running = self._work.is_running
+        folder = self.source.currentData() == "folder"
+        ready = bool(self.folder.text().strip()) if folder else count is not None and count >= FEWEST
+        new = 0 if folder else len(self._work.new_labels(self.source.currentData()))
+        learner = self._workspace.style
+        self.learn_button.setVisible(not running)
+        self.learn_button.setEnabled(ready)
+        self.learn_button.setText(
+            tr("Learn") if count is None or not ready else tr("Learn from {count} parents", count=count)
+        )
+        may_go_on = learner is not None and (bool(folder and ready) or new > 0)
+        self.on_button.setVisible(not running and may_go_on)
+        self.on_button.setText(
+            tr("Learn on") if folder else tr("Learn on from {count} new parents", count=new)
+        )
+        self._running.setVisible(running)
+        self.pause_button.setText(tr("Resume") if self._work.is_paused else tr("Pause"))
+        self.stop_button.setEnabled(self._work.is_training)
+        hint = self._progress() if running else "" if ready else self._why_not(folder, count)
+        self._hint.setText(hint)
+        self._hint.setVisible(bool(hint))
+
+    def _progress(self) -> str:
+        """Return what runs, how far it is and how long it takes still."""
+        report = self._work.progress
+        if self._work.is_paused:
+            return tr("Paused.")
+        if report is None:
+            return tr("Waiting for its turn.")
+        what = tr("Training") if self._work.is_training else tr("Serializing")
+        hint = f"{what}: {report.message[:1].lower()}{report.message[1:]}"
+        if report.seconds_left is None:
+            return hint
+        return tr("{hint} · {time} left", hint=hint, time=readable_time(report.seconds_left))
+
+    def _why_not(self, folder: bool, count: int | None) -> str:
+        if folder:
+            return tr("Choose a folder of meshes.")
+        if self._workspace.state.grains is None and not count:
+            return tr("No grains yet: find them first (station Grains), or learn from a folder of meshes.")
+        return tr("A style needs {fewest} parents at least; here are {count}.", fewest=FEWEST, count=count)
+
+    def _show_card(self) -> None:
+        learner = self._workspace.style
+        self.save_button.setEnabled(learner is not None)
+        if learner is None:
+            self._card_name.setText(tr("None yet"))
+            self._card.setText(tr("Learn one above, or open one that was saved."))
+            return
+        card = learner.card
+        title = next(title for name, title, _ in PRESETS if name == card.preset)
+        unit = unit_label(card.unit)
+        self._card_name.setText(tr("{preset} of {count} parents", preset=tr(title), count=card.count))
+        errors = [
+            tr(words, error=percent(value))
+            for words, value in (
+                (mark("Held-out error {error}"), card.held_out_rms),
+                (mark("of those seen {error}"), card.trained_rms),
+                (mark("avatars of their grains {error}"), card.parents_rms),
+            )
+            if np.isfinite(value)
+        ]
+        lines = [
+            tr(
+                "n = {n} · {latents} latents · Dₙ {smallest:.3g} to {largest:.3g} {unit}",
+                n=card.n,
+                latents=card.latents,
+                smallest=card.smallest,
+                largest=card.largest,
+                unit=unit,
+            ),
+            tr("{errors} (RMS distance in % of Dₙ)", errors=", ".join(errors)) if errors else "",
+            tr("Steps {steps} · seed {seed}", steps=card.steps, seed=card.seed)
+            if card.steps
+            else tr("Seed {seed}", seed=card.seed),
+            *card.notes,
+        ]
+        self._card.setText("\n".join(line for line in lines if line))
+
+    @property
+    def card_text(self) -> str:
+        """What the card says."""
+        return f"{self._card_name.text()}\n{self._card.text()}"
+
+    @property
+    def hint_text(self) -> str:
+        """What stands above the buttons."""
+        return self._hint.text()

@@ -1,0 +1,392 @@
+"""Learning a style: parents are serialized, then a style-learner is trained on them, before the eyes."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from PySide6.QtCore import QObject, Signal
+
+from mbstudio.core.batch.processes import usable_cores
+from mbstudio.core.project import ProjectState
+from mbstudio.core.units import conversion_factor
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.work import Work
+from mbstudio.ui.workers import Control, Report, Task, TaskQueue
+from mbstudio.ui.workspace import Workspace
+
+if TYPE_CHECKING:
+    from mbstudio.core.vae.models.style_learner import StyleLearner
+    from mbstudio.core.vae.models.training import StyleTraining
+    from mbstudio.core.vae.models.training_step import TrainingStep
+    from mbstudio.core.vae.serialize.serialization import Serialization, Template
+
+Source = Literal["inside", "chosen", "avatars", "folder"]
+FEW_FOR_NETWORKS = 50
+KEPT_EVERY = 10.0  # seconds; what a training has learned until then outlives a crash
+_MANY = 16  # bodies for which starting processes pays
+_SAME_SIZE = 0.05  # voxels and the smoothed surface differ by less in D_n
+
+
+@dataclass(frozen=True)
+class Parents:
+    """Which bodies a style is learned from.
+
+    Attributes
+    ----------
+    source : {'inside', 'chosen', 'avatars', 'folder'}
+        All grains that the edge does not cut, the chosen ones, the avatars of the project, or the meshes of
+        a folder.
+    labels : tuple of int
+        Of grains or avatars.
+    folder : Path or None
+    unit : str or None
+        That the numbers of the meshes are in.
+    """
+
+    source: Source
+    labels: tuple[int, ...] = ()
+    folder: Path | None = None
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How a style is to be learned; no steps means as many as the preset usually takes."""
+
+    parents: Parents
+    n: int = 40
+    preset: Literal["aligned", "pca", "paper"] = "aligned"
+    steps: int | None = None
+    seed: int = 0
+
+
+@dataclass(eq=False)
+class _Learning:
+    """A training that runs."""
+
+    training: StyleTraining
+    title: str
+    stop: bool = False
+    standing: StyleLearner | None = None  # what a crash would leave of it
+    announced: StyleLearner | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Learned:
+    learner: StyleLearner
+
+
+@dataclass(frozen=True, eq=False)
+class _Serialized:
+    """Parents that were serialized, and from what: learning again does not serialize again."""
+
+    key: tuple[Any, ...]
+    state: ProjectState
+    parents: Serialization
+    told: tuple[str, ...]
+
+    def is_of(self, key: tuple[Any, ...], state: ProjectState) -> bool:
+        same = self.state.grains is state.grains and self.state.fits is state.fits
+        return key == self.key and same
+
+
+class StyleWork(Work):
+    """Learns styles, and reads and writes them.
+
+    Attributes
+    ----------
+    records : list of TrainingStep
+        Of the training that runs or ran last.
+    began : signal
+        A training begins: its curves are empty.
+    recorded : signal (list of TrainingStep)
+        The newest records.
+    arrived : signal
+        A long training has come further.
+    changed : signal
+        Something runs, pauses or has ended.
+    """
+
+    began = Signal()
+    recorded = Signal(object)
+    arrived = Signal()
+    changed = Signal()
+
+    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+        super().__init__(workspace, queue, parent)
+        self.records: list[TrainingStep] = []
+        self._task: Task | None = None
+        self._learning: _Learning | None = None
+        self._serialized: _Serialized | None = None
+        self.progress: Report | None = None
+        workspace.project_replaced.connect(self._forget)
+
+    # ---- what runs -----------------------------------------------------------------------------
+
+    @property
+    def is_running(self) -> bool:
+        """Whether parents are serialized or a training runs, waits or is paused."""
+        return self._task is not None and not self._task.is_over
+
+    @property
+    def is_training(self) -> bool:
+        """Whether a training runs, of which the best state can be kept."""
+        return self.is_running and self._learning is not None
+
+    @property
+    def arrived_style(self) -> StyleLearner | None:
+        """The best state so far of a long training, for a project that has no style-learner yet."""
+        learning = self._learning
+        if not self.is_running or learning is None or self.workspace.style is not None:
+            return None
+        return learning.announced
+
+    @property
+    def is_paused(self) -> bool:
+        return self._task is not None and not self._task.is_over and self._task.is_paused
+
+    def pause(self) -> None:
+        """Pause, or go on if it is paused."""
+        if self._task is not None and not self._task.is_over:
+            self._task.pause_or_resume()
+            self.changed.emit()
+            self.queue.changed.emit()
+
+    def stop(self) -> None:
+        """End the training and keep its best state."""
+        if self._learning is not None and self._task is not None:
+            self._learning.stop = True
+            self._task.resume()
+            self.changed.emit()
+
+    def cancel(self) -> None:
+        """Give up; the style that was there stays."""
+        if self._task is not None:
+            self._task.cancel()
+
+    # ---- what there is to learn from -------------------------------------------------------------
+
+    def labels(self, source: Source) -> tuple[int, ...]:
+        """Return the labels of the grains or avatars that a source means."""
+        state = self.workspace.state
+        if source == "avatars":
+            return tuple(sorted(state.fits))
+        if state.grains is None:
+            return ()
+        if source == "chosen":
+            return tuple(sorted(self.workspace.chosen))
+        return tuple(int(label) for label in state.grains.interior_labels) if source == "inside" else ()
+
+    def new_labels(self, source: Source) -> tuple[int, ...]:
+        """Return those of `labels` that the style-learner has not learned from.
+
+        Grains of another project may have the same names: only one as large counts as known.
+        """
+        learner, grains = self.workspace.style, self.workspace.state.grains
+        if learner is None or grains is None:
+            return self.labels(source)
+        factor = conversion_factor(grains.unit, learner.unit)
+        volumes = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
+        known = dict(zip(learner.parents.names, learner.parents.diameters, strict=True))
+
+        def is_new(label: int) -> bool:
+            size = factor * float(np.cbrt(6 * volumes[label] / np.pi))
+            return not abs(known.get(_name(label), 0.0) / size - 1) < _SAME_SIZE
+
+        return tuple(label for label in self.labels(source) if is_new(label))
+
+    # ---- learning --------------------------------------------------------------------------------
+
+    def learn(self, asked: Asked) -> Task | None:
+        """Serialize the parents, then train; None while something is learned already."""
+        if self.is_running:
+            return None
+        key = (asked.parents, asked.n, asked.seed)
+
+        def train(parents: Serialization) -> StyleTraining:
+            from mbstudio.core.vae.models.training import StyleTraining
+
+            given: dict[str, Any] = (
+                {} if asked.steps is None or asked.preset == "pca" else {"steps": asked.steps}
+            )
+            return StyleTraining(parents, asked.preset, seed=asked.seed, **given)
+
+        known = self._serialized
+        if known is not None and known.is_of(key, self.workspace.state):
+            return self._train(known, train, tr("Learn style"))
+        return self._serialize(key, asked.parents, asked.n, asked.seed, None, train, tr("Learn style"))
+
+    def learn_on(self, parents: Parents, seed: int = 0) -> Task | None:
+        """Teach new parents to the style-learner that is there."""
+        learner = self.workspace.style
+        if self.is_running or learner is None:
+            return None
+
+        def train(new: Serialization) -> StyleTraining:
+            from mbstudio.core.vae.models.learning_on import LearningOn
+
+            return LearningOn(learner, new, seed=seed)
+
+        template = learner.template
+        return self._serialize((), parents, template.n, seed, template, train, tr("Learn on"))
+
+    def _serialize(
+        self, key: tuple[Any, ...], parents: Parents, n: int, seed: int, template: Template | None,
+        train: Any, title: str,
+    ) -> Task:  # fmt: skip
+        state = self.workspace.state
+
+        def work(control: Control) -> _Serialized:
+            control.report(0.0, tr("Reading the parents"))
+            return _serialized(key, state, parents, n, seed, template, control)
+
+        # It can be paused: every report of progress is a place to wait.
+        task = Task(tr("Serializing the parents"), work, fraction=lambda _: (-1.0, ""))
+        task.succeeded.connect(lambda found: self._train(found, train, title))
+        self._learning = None
+        return self._start(task)
+
+    def _train(self, serialized: _Serialized, train: Any, title: str) -> Task:
+        self._serialized = serialized
+
+        def work(control: Control) -> Iterator[TrainingStep | _Learned]:
+            control.report(0.0, tr("Preparing the training"))
+            learning = _Learning(train(serialized.parents), title)
+            self._learning = learning
+            return _drive(learning)
+
+        self.records = []
+        self.began.emit()
+        task = Task(tr("Learning the style"), work, fraction=_fraction)
+        task.succeeded.connect(lambda last: self._take(last, title, serialized.told))
+        return self._start(task)
+
+    def _start(self, task: Task) -> Task:
+        self._task, self.progress = task, None
+        task.reported.connect(self._report)
+        task.ended.connect(self.changed)
+        task.ended.connect(self.arrived)
+        task.started.connect(self.changed)
+        self.queue.submit(task)
+        self.changed.emit()
+        return task
+
+    def _report(self, report: Report) -> None:
+        self.progress = report
+        learning = self._learning
+        if learning is not None and learning.standing is not learning.announced:
+            learning.announced = learning.standing
+            self.arrived.emit()
+        records = [step for step in report.steps if not isinstance(step, _Learned)]
+        if records:
+            self.records += records
+            self.recorded.emit(records)
+        self.changed.emit()
+
+    def _take(self, last: object, title: str, told: tuple[str, ...]) -> None:
+        if not isinstance(last, _Learned):
+            return
+        card = last.learner.card
+        self._learning = None
+        self.workspace.use_style(last.learner, title)
+        notes = [*told, *[step.note for step in self.records if step.note]]
+        words = [tr("The style of {count} parents is learned.", count=card.count)]
+        if np.isfinite(card.held_out_rms):
+            error = percent(card.held_out_rms)
+            words.append(tr("Parents not seen are reproduced to {error} of Dₙ.", error=error))
+        self.said.emit("warning" if notes else "success", " ".join((*words, *notes)))
+
+    # ---- files -----------------------------------------------------------------------------------
+
+    def open(self, folder: Path) -> Task:
+        """Read the style-learner of a folder."""
+
+        def work(control: Control) -> Any:
+            from mbstudio.core.vae.models.style_learner import load_style_learner
+
+            return load_style_learner(folder)
+
+        task = Task(tr("Opening {name}", name=folder.name), work)
+        task.succeeded.connect(lambda learner: self.workspace.use_style(learner, tr("Open style-learner")))
+        task.succeeded.connect(lambda _: self.began.emit())
+        self.records = []
+        return self.queue.submit(task)
+
+    def save(self, folder: Path) -> Task | None:
+        """Write the style-learner into a folder."""
+        learner = self.workspace.style
+        if learner is None:
+            return None
+        task = Task(tr("Saving {name}", name=folder.name), lambda control: learner.save(folder))
+        task.succeeded.connect(
+            lambda written: self.said.emit("success", tr("Saved the style-learner in {path}.", path=written))
+        )
+        return self.queue.submit(task)
+
+    def _forget(self) -> None:
+        self.cancel()
+        self.records, self._serialized, self._learning = [], None, None
+        self.began.emit()
+        self.changed.emit()
+
+
+def percent(share: float) -> str:
+    """Return an error in percent; what is nothing but rounding is not called zero."""
+    return f"{100 * share:.2f} %" if share >= 5e-5 else tr("less than 0.01 %")
+
+
+def _name(label: int) -> str:
+    return f"grain {label}"
+
+
+def _serialized(
+    key: tuple[Any, ...], state: ProjectState, parents: Parents, n: int, seed: int,
+    template: Template | None, control: Control,
+) -> _Serialized:  # fmt: skip
+    from mbstudio.core.errors import SerializationWarning
+    from mbstudio.core.vae.serialize.mesh_folder import mesh_files, read_mesh
+    from mbstudio.core.vae.serialize.serializer import serialize
+
+    bodies: list[Any]
+    if parents.source == "folder":
+        files = mesh_files(parents.folder or Path())
+        bodies, names = [read_mesh(path) for path in files], [path.stem for path in files]
+    else:
+        names = [_name(label) for label in parents.labels]
+        if parents.source == "avatars":
+            bodies = [state.fits[label].avatar for label in parents.labels]
+        else:
+            assert state.grains is not None
+            bodies = [state.grains.grain(label) for label in parents.labels]
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", SerializationWarning)
+        found = serialize(
+            bodies, n, template=template, unit=parents.unit, names=names, seed=seed,
+            processes=usable_cores() if len(bodies) >= _MANY else 1, on_progress=control.progress,
+        )  # fmt: skip
+    words = tuple(str(entry.message) for entry in told if issubclass(entry.category, SerializationWarning))
+    return _Serialized(key, state, found, words)
+
+
+def _drive(learning: _Learning) -> Iterator[TrainingStep | _Learned]:
+    kept = time.monotonic()
+    for record in learning.training:
+        if time.monotonic() - kept > KEPT_EVERY:
+            learning.standing, kept = learning.training.result(), time.monotonic()
+        yield record
+        if learning.stop:
+            break
+    yield _Learned(learning.training.result())
+
+
+def _fraction(step: TrainingStep | _Learned) -> tuple[float, str]:
+    if isinstance(step, _Learned):
+        return 1.0, tr("Done")
+    told = tr("Step {step} of {steps}", step=step.step, steps=step.steps)
+    return (step.step / step.steps if step.steps else 1.0), told

@@ -1,0 +1,131 @@
+"""Grain, avatar and clone side by side, at stations Fit and Style."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PySide6.QtCore import QObject
+
+from mbstudio.core.units import conversion_factor
+from mbstudio.scene.layers.side_by_side import Column
+from mbstudio.scene.surfaces import avatar_surface, grain_surface
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.fit.work import LiveAvatar
+from mbstudio.ui.view.viewport.viewport import Grip
+from mbstudio.ui.workers import Task
+
+if TYPE_CHECKING:
+    from mbstudio.ui.shell.main_window import MainWindow
+
+STATIONS = ("fit", "style")
+
+
+class CompareLink(QObject):
+    """What the comparison shows.
+
+    Parameters
+    ----------
+    window : MainWindow
+
+    Attributes
+    ----------
+    wanted : bool
+        Whether it is shown at the stations that have it.
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window, self._link, self._space = window, window.link, window.workspace
+        self._columns = window.link.scene.columns
+        self.wanted = False
+        self._built: tuple[object, ...] = ()
+        self._grips: list[Grip] = []
+        self._link.arranged.connect(self._follow)
+        window.clones.selection_changed.connect(self._follow)
+        self._space.clones_changed.connect(self._follow)
+        self._space.fits_changed.connect(self._follow)
+        window.fits.avatar_moved.connect(self._avatar_moved)
+
+    @property
+    def is_offered(self) -> bool:
+        """Whether this station has the comparison, and there is something to compare."""
+        there = self._space.state.grains is not None or self._space.clones is not None
+        return self._window.station in STATIONS and there
+
+    @property
+    def is_shown(self) -> bool:
+        return self._columns.is_on
+
+    def show(self, wanted: bool) -> None:
+        """Show grain, avatar and clone next to each other, or the view as it was."""
+        self.wanted = wanted
+        self._follow()
+        self._window.refresh()
+
+    def _follow(self) -> None:
+        on = self.wanted and self.is_offered
+        if on:
+            self._build()
+        if on != self._columns.is_on:
+            self._columns.switch(on)
+            self._link.picking = not on and self._window.tools.measuring is None
+            # What could be dragged or measured is not to be seen.
+            viewport = self._window.viewport
+            self._grips, viewport.grips = viewport.grips, self._grips
+            self._link.draw()
+
+    def _build(self) -> None:
+        label, state, clones = self._space.selected, self._space.state, self._space.clones
+        grains = state.grains
+        if label is None:
+            label = next(iter(sorted(state.fits)), None)
+        fit = state.fits.get(label) if label is not None else None
+        number = None if clones is None else self._window.clones.selected or 1
+        wanted = (label, grains, fit, clones, number)
+        if len(wanted) == len(self._built) and all(a is b for a, b in zip(wanted, self._built, strict=True)):
+            return
+        self._built = wanted
+        grain = grains.grain(label) if grains is not None and label is not None else None
+        clone = clones.clones.avatar(number - 1) if clones is not None and number is not None else None
+        unit = grain.unit if grain is not None else clone.unit if clone is not None else "um"
+
+        def make() -> list[Column]:
+            surface = None if clone is None else avatar_surface(clone, 64)
+            if surface is not None and clone is not None:
+                scale = conversion_factor(clone.unit, unit)
+                surface = replace(surface, points=(surface.points * np.float32(scale)))
+            return [
+                Column(
+                    tr("Grain") if label is None else tr("Grain {label}", label=label),
+                    None if grain is None else grain_surface(grain),
+                    "grain",
+                    tr("No grain is chosen."),
+                ),
+                Column(
+                    tr("Avatar") if fit is None else tr("Avatar, n = {n}", n=fit.avatar.n),
+                    None if fit is None else avatar_surface(fit.avatar, 64),
+                    "avatar",
+                    tr("No avatar yet:\nfit the grain at station Fit."),
+                ),
+                Column(
+                    tr("Clone") if number is None else tr("Clone {number}", number=number),
+                    surface,
+                    "points",
+                    tr("No clone yet:\nmake some at station Style."),
+                ),
+            ]
+
+        def done(columns: list[Column]) -> None:
+            if self._built is wanted:
+                self._columns.show(columns, unit)
+                self._link.draw()
+
+        task = Task(tr("Drawing the comparison"), lambda control: make())
+        task.succeeded.connect(done)
+        self._window.queue.submit(task, lane="view", key="comparison")
+
+    def _avatar_moved(self, label: int, live: LiveAvatar) -> None:
+        if self._columns.is_on and label == self._space.selected:
+            self._columns.replace(1, live.surface)

@@ -1,0 +1,168 @@
+"""Pictures and animations of the 3-D view: to the clipboard and to files."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import UInt8
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtGui import QGuiApplication, QImage
+
+from mbstudio.core.errors import MbstudioError
+from mbstudio.scene import camera
+from mbstudio.scene.pictures.animation import animation_file, require_writer
+from mbstudio.ui.language import tr
+from mbstudio.ui.workers import Control, Task
+
+if TYPE_CHECKING:
+    from mbstudio.ui.shell.main_window import MainWindow
+
+FRAMES = 72
+"""Of a turntable: steps of five degrees."""
+
+
+class _Frames(QObject):
+    """Hands frames, which only the main thread can draw, to the thread that writes them."""
+
+    asked = Signal(int)
+
+    def __init__(self, draw: Any, parent: QObject) -> None:
+        super().__init__(parent)
+        self._draw, self._there = draw, threading.Event()
+        self._frame: UInt8[np.ndarray, "h w 3"] | None = None
+        self.asked.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
+
+    def frame(self, number: int, control: Control) -> UInt8[np.ndarray, "h w 3"]:
+        """Return a frame; called in the thread, which may be cancelled while it waits."""
+        self._there.clear()
+        self.asked.emit(number)
+        while not self._there.wait(0.05):
+            control.checkpoint()
+        assert self._frame is not None
+        return self._frame
+
+    def _deliver(self, number: int) -> None:
+        self._frame = self._draw(number)
+        self._there.set()
+
+
+class PictureLink(QObject):
+    """What becomes of the view as a picture.
+
+    Parameters
+    ----------
+    window : MainWindow
+
+    Attributes
+    ----------
+    scale : int
+        Pixels of a picture for each pixel of the view, along a side; kept from start to start.
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window = window
+        kept = str(window.settings.value("picture_scale", "1"))
+        self.scale = int(kept) if kept in ("1", "2", "4") else 1
+        self._turning: Task | None = None
+
+    def use_scale(self, scale: int, _checked: bool = True) -> None:
+        """Make pictures so many times as fine as the screen."""
+        self.scale = scale
+        self._window.settings.setValue("picture_scale", str(scale))
+        self._window.commands.refresh()
+
+    def has_scale(self, scale: int) -> bool:
+        """Return whether pictures are so many times as fine as the screen."""
+        return self.scale == scale
+
+    def copy(self) -> None:
+        """Put the view into the clipboard."""
+        pixels = np.ascontiguousarray(self._window.viewport.picture(self.scale))
+        height, width, _ = pixels.shape
+        image = QImage(pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)
+        QGuiApplication.clipboard().setImage(image.copy())
+        self._window.messages.say(
+            "success",
+            tr("Copied the view to the clipboard, {width} × {height} pixels.", width=width, height=height),
+        )
+
+    # ---- turntable -------------------------------------------------------------------------------
+
+    @property
+    def is_turning(self) -> bool:
+        """Whether a turntable is being written."""
+        return self._turning is not None and not self._turning.is_over
+
+    def write_turntable(self, path: Path, frames: int = FRAMES) -> Task | None:
+        """Turn the view once around and write it as an animation.
+
+        Parameters
+        ----------
+        path : Path
+            Ending in .gif, .mp4 or .png (one file a frame).
+        frames : int
+            Steps of the whole turn.
+        """
+        try:
+            require_writer(path)
+        except MbstudioError as error:
+            self._window.messages.say("error", str(error))
+            return None
+        viewport, scale = self._window.viewport, self.scale
+        renderer = viewport.plotter.renderer
+        begun = camera.stand(renderer)
+        size: list[tuple[int, ...]] = []
+
+        def draw(number: int) -> UInt8[np.ndarray, "h w 3"]:
+            camera.return_to(renderer, begun)
+            renderer.GetActiveCamera().Azimuth(360.0 * number / frames)
+            picture = viewport.picture(scale)
+            size.append(picture.shape[:2])
+            return _of_size(picture, size[0])
+
+        source = _Frames(draw, self)
+
+        def work(control: Control) -> Path:
+            with animation_file(path) as add:
+                for number in range(frames):
+                    told = tr("frame {frame} of {frames}", frame=number + 1, frames=frames)
+                    control.progress(number / frames, told)
+                    add(source.frame(number, control))
+            return path
+
+        def over() -> None:
+            source.deleteLater()
+            camera.return_to(renderer, begun)
+            viewport.request_render()
+            self._window.refresh()
+
+        task = Task(tr("Writing the turntable"), work)
+        task.succeeded.connect(lambda written: self._window.messages.say("success", _told(written, frames)))
+        task.ended.connect(over)
+        self._turning = task
+        self._window.queue.submit(task)
+        return task
+
+
+def _of_size(picture: UInt8[np.ndarray, "h w 3"], size: tuple[int, ...]) -> UInt8[np.ndarray, "h2 w2 3"]:
+    """Return the middle of a picture, widened by its edges: all frames have the first one's size."""
+    for axis, wanted in enumerate(size):
+        there = picture.shape[axis]
+        places = np.clip(np.arange(wanted) + (there - wanted) // 2, 0, there - 1)
+        picture = np.take(picture, places, axis=axis)
+    return picture
+
+
+def _told(path: Path, frames: int) -> str:
+    if path.suffix.lower() == ".png":
+        return tr(
+            "Saved the turntable as {frames} pictures, {name}_000.png and so on, in {folder}.",
+            frames=frames,
+            name=path.stem,
+            folder=path.parent,
+        )
+    return tr("Saved the turntable as {path}.", path=path)

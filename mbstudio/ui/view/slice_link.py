@@ -1,0 +1,156 @@
+"""Keeps flat slices, those in the 3-D view and the sliders in step; tells what lies under the mouse."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PySide6.QtCore import QEvent, QObject
+from PySide6.QtWidgets import QLabel, QToolButton
+
+from mbstudio.scene.layers.annotations import readable_length
+from mbstudio.scene.layers.picking import sight
+from mbstudio.scene.layers.slices import AXES, Axis
+from mbstudio.scene.tools.slice_grip import SliceGrip
+from mbstudio.ui.language import tr
+from mbstudio.ui.view.slice_dock import PLANES, axes_of
+
+if TYPE_CHECKING:
+    from mbstudio.ui.shell.main_window import MainWindow
+
+STATIONS = ("scan", "grains")
+ROOMY = 1080  # pixels: wide enough for panel, view and panes
+
+
+class SliceLink(QObject):
+    """What the slices do.
+
+    Parameters
+    ----------
+    window : MainWindow
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window, self._link = window, window.link
+        self._panes = window.slice_panes.panes
+        self.wanted = window.settings.value("slice_views", "true") != "false"
+        self.readout = QLabel()
+        self.readout.setObjectName("key")
+        window.statusBar().addWidget(self.readout)
+        self.grip = SliceGrip(self._link.scene, self._link.move_slice)
+        window.viewport.scaled.connect(self.grip.scale)
+        window.viewport.grips.append(self.grip)
+        window.viewport.hovered.connect(self._hovered)
+        self._link.slices_changed.connect(self.refresh)
+        window.workspace.scan_changed.connect(lambda: self.readout.clear())
+        for plane, across in PLANES:
+            pane, (first, second) = self._panes[across], axes_of(plane)
+            pane.stepped.connect(lambda step, axis=across: self._step(axis, step))
+            pane.crossed.connect(lambda c, r, a=first, b=second: self._cross(a, c, b, r))
+            pane.pointed.connect(lambda c, r, a=first, b=second, own=across: self._pointed({a: c, b: r}, own))
+            pane.left.connect(self.readout.clear)
+            pane.windowed.connect(self._widen)
+        title = window.slices_dock.titleBarWidget()
+        close = title.findChild(QToolButton) if title is not None else None
+        if close is not None:
+            close.clicked.connect(lambda: self.show(False))
+        window.installEventFilter(self)
+        self.refresh()
+
+    @property
+    def is_offered(self) -> bool:
+        """Whether the panes belong to this station and have something to show."""
+        return self._window.station in STATIONS and self._link.scene.slices is not None
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the panes are wanted, have something to show, and leave room for the view."""
+        return self.wanted and self.is_offered and self._window.width() >= ROOMY
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize and self._window.slices_dock.isHidden() == self.is_shown:
+            self._window.show_docks()
+        return super().eventFilter(watched, event)
+
+    def show(self, shown: bool) -> None:
+        """Show or hide the panes, now and at the next start."""
+        self.wanted = shown
+        self._window.settings.setValue("slice_views", "true" if shown else "false")
+        self._window.show_docks()
+        self._window.refresh()
+
+    def refresh(self) -> None:
+        """Show the slices as they are."""
+        slices, scan = self._link.scene.slices, self._window.workspace.scan
+        panel = self._window.panels_scan
+        for plane, across in PLANES:
+            pane = self._panes[across]
+            if slices is None or scan is None:
+                pane.show_slice(None)
+                continue
+            first, second = axes_of(plane)
+            index, spacing = slices.index[across], slices.spacing
+            position = scan.origin[AXES.index(across)] + index * spacing(across)
+            pane.show_slice(
+                slices.images[across],
+                (spacing(first), spacing(second)),
+                f"{across} = {readable_length(position, scan.unit) if position else '0'}",
+            )
+            pane.set_cross(slices.index[first], slices.index[second])
+            panel.sliders[across].set_index(index)
+        if slices is not None:
+            panel.show_window(*slices.window)
+
+    # ---- by hand ---------------------------------------------------------------------------------
+
+    def _step(self, axis: Axis, step: int) -> None:
+        slices = self._link.scene.slices
+        if slices is not None:
+            self._link.move_slice(axis, int(np.clip(slices.index[axis] + step, 0, slices.counts[axis] - 1)))
+
+    def _cross(self, first: Axis, column: float, second: Axis, row: float) -> None:
+        self._link.move_slice(first, round(column))
+        self._link.move_slice(second, round(row))
+
+    def _widen(self, wider: float, brighter: float) -> None:
+        slices = self._link.scene.slices
+        if slices is not None:
+            low, high = slices.window
+            middle, width = (low + high) / 2 - brighter * (high - low), (high - low) * max(0.2, 1 + wider)
+            self._link.set_window(middle - width / 2, middle + width / 2)
+
+    # ---- what lies under the mouse ---------------------------------------------------------------
+
+    def _pointed(self, places: dict[Axis, float], across: Axis) -> None:
+        slices = self._link.scene.slices
+        if slices is not None:
+            voxel = {axis: round(place) for axis, place in places.items()} | {across: slices.index[across]}
+            self._tell((voxel["x"], voxel["y"], voxel["z"]))
+
+    def _hovered(self, x: float, y: float) -> None:
+        slices = self._link.scene.slices
+        point = None
+        if slices is not None and any(slices.is_seen(axis) for axis in AXES):
+            point = slices.point_on(*sight(self._window.viewport.plotter.renderer, x, y))
+        if point is None or slices is None:
+            self.readout.clear()
+        else:
+            self._tell(slices.voxel_at(point))
+
+    def _tell(self, voxel: tuple[int, int, int]) -> None:
+        scan, grains = self._window.workspace.scan, self._window.workspace.state.grains
+        if scan is None:
+            return
+        x, y, z = (int(np.clip(v, 0, n - 1)) for v, n in zip(voxel, scan.shape[::-1], strict=True))
+        places = (
+            f"{axis} {readable_length(place, scan.unit) if place else '0'}"
+            for axis, place in zip(
+                AXES, np.array(scan.origin) + np.array(scan.voxel_size.xyz) * (x, y, z), strict=True
+            )
+        )
+        words = [*places, tr("grey {value:.6g}", value=scan.voxels[z, y, x])]
+        if grains is not None and grains.labels.shape == scan.shape:
+            label = int(grains.labels[z, y, x])
+            words.append(tr("grain {label}", label=label) if label else tr("no grain"))
+        self.readout.setText("   ".join(words))

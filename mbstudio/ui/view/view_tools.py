@@ -1,0 +1,140 @@
+"""Tools of the 3-D view: measuring by clicks, and the clipping box."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QEvent, QObject
+
+from mbstudio.scene.tools.measurements import POINTS, Kind
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.soon import Soon
+from mbstudio.ui.view.clip_bar import ClipBar
+
+if TYPE_CHECKING:
+    from mbstudio.ui.shell.main_window import MainWindow
+
+_HINTS = {
+    "distance": mark("Measure a distance: click two points of a surface or slice. Esc ends."),
+    "angle": mark("Measure an angle: click a point, the corner, and a third point. Esc ends."),
+}
+_MEASURED = {"distance": mark("Distance {value}."), "angle": mark("Angle {value}.")}
+
+
+class ViewTools(QObject):
+    """Measuring and clipping.
+
+    Parameters
+    ----------
+    window : MainWindow
+
+    Attributes
+    ----------
+    measuring : {'distance', 'angle'} or None
+        What the next clicks are for.
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window, self._link, self._scene = window, window.link, window.link.scene
+        self.measuring: Kind | None = None
+        self.bar = ClipBar(window.icons)
+        self.bar.hide()
+        self.bar.moved.connect(self._clip_moved)
+        self.bar.reset.connect(self.reset_clip)
+        self.bar.closed.connect(lambda: self.clip(False))
+        self._scene.clip.changed = self._clip_dragged
+        window.viewport.grips.append(self._scene.clip)
+        window.viewport.clicked.connect(self._clicked)
+        window.workspace.scan_changed.connect(self.clear)
+        window.workspace.project_replaced.connect(self._leave)
+        self._soon = Soon(self)
+        window.messages.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Hide:
+            # Esc belongs to the measurements again.
+            self._soon.call(self._window.refresh)
+        return super().eventFilter(watched, event)
+
+    # ---- measuring -------------------------------------------------------------------------------
+
+    @property
+    def holds_measurements(self) -> bool:
+        """Whether there is something that Esc would take away."""
+        return self.measuring is not None or bool(self._scene.measurements.measured)
+
+    def measure(self, kind: Kind, wanted: bool = True) -> None:
+        """Take clicks for distances or angles, or take them no longer."""
+        self._scene.measurements.drop_unfinished()
+        self.measuring = kind if wanted else None
+        self._link.picking = self.measuring is None
+        if self.measuring is None:
+            self._window.statusBar().clearMessage()
+        else:
+            self._window.statusBar().showMessage(tr(_HINTS[kind]))
+        self._window.commands.refresh()
+        self._link.draw()
+
+    def clear(self) -> None:
+        """Take all measurements away and end measuring."""
+        self._scene.measurements.clear()
+        self.measure("distance", False)
+
+    def _clicked(self, x: float, y: float) -> None:
+        if self.measuring is None or self._scene.columns.is_on:
+            return
+        point = self._scene.point_at(x, y)
+        if point is None:
+            self._window.statusBar().showMessage(tr("There is no surface or slice under the mouse."))
+            return
+        measurement = self._scene.measurements.add_point(self.measuring, point)
+        if measurement.is_complete:
+            measured = tr(_MEASURED[self.measuring], value=measurement.told(self._scene.unit))
+            words = f"{measured} {tr(_HINTS[self.measuring])}"
+        else:
+            words = tr(
+                "Point {point} of {points}. Esc ends.",
+                point=len(measurement.points),
+                points=POINTS[self.measuring],
+            )
+        self._window.statusBar().showMessage(words)
+        self._window.commands.refresh()
+        self._link.draw()
+
+    # ---- clipping --------------------------------------------------------------------------------
+
+    def clip(self, wanted: bool) -> None:
+        """Show the clipping box, or put it away and show everything again."""
+        points = self._scene.points()
+        if wanted and points is not None:
+            self._scene.clip.span(points)
+        self._scene.clip.switch(wanted and points is not None)
+        self._clip_dragged()
+        self.bar.setVisible(self._scene.clip.is_on)
+        self._window.commands.refresh()
+
+    def reset_clip(self) -> None:
+        """Put all faces back to the ends of what is shown."""
+        self._scene.clip.reset()
+        points = self._scene.points()
+        if points is not None:
+            self._scene.clip.span(points)
+        self._clip_dragged()
+
+    @property
+    def is_clipping(self) -> bool:
+        return self._scene.clip.is_on
+
+    def _clip_moved(self, axis: int, low: float, high: float) -> None:
+        self._scene.clip.set_share(axis, low, high)
+        self._link.draw()
+
+    def _clip_dragged(self) -> None:
+        self.bar.show_shares([(float(low), float(high)) for low, high in self._scene.clip.shares])
+        self._link.draw()
+
+    def _leave(self) -> None:
+        self.clear()
+        self.reset_clip()
+        self.clip(False)

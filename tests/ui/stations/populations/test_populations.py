@@ -1,0 +1,323 @@
+"""Populations in the window: measured, compared, brushed both ways, drawn and written."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QCoreApplication, QPoint, Qt
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtTest import QTest
+
+from mbstudio.core.grains import load_labels
+from mbstudio.core.imaging import fit
+from mbstudio.core.populations import Population, measure_project
+from mbstudio.core.project import Project, ProjectState
+from mbstudio.scene.reports import population_report
+from mbstudio.ui.stations.populations.work import Measured
+from mbstudio.ui.widgets.brush_plot import points_inside
+from tests.ui.conftest import PATIENCE, ellipsoid
+
+SHAPE = (72, 72, 72)
+# Semi-axes (z, y, x) in voxels: volumes 4/3 pi abc of 4189, 2714 and 1810 voxels.
+BODIES = (((18, 18, 18), (10, 10, 10)), ((50, 20, 50), (6, 9, 12)), ((44, 52, 22), (6, 6, 12)))
+
+
+@pytest.fixture(scope="module")
+def sand():
+    """A project's state, a ball and two ellipsoids of which two have avatars, and its populations."""
+    labels = np.zeros(SHAPE, dtype=np.int32)
+    for label, (centre, radii) in enumerate(BODIES, 1):
+        labels[ellipsoid(SHAPE, centre, radii)] = label
+    grains = load_labels(labels, voxel_size="10 um")
+    fits = {label: fit(grains.grain(label), 6) for label in (1, 2)}
+    state = ProjectState(grains=grains, fits=fits)
+    return state, measure_project(Project(state), [1, 2, 3])
+
+
+@pytest.fixture
+def opened(window, idle, sand):
+    """The window with the grains and avatars, not yet measured."""
+    window.workspace.replace_project(Project(sand[0]))
+    window.panels_populations.scope.setCurrentIndex(1)  # all inside, with an avatar or not
+    idle()
+    return window
+
+
+@pytest.fixture
+def measured(opened, idle, sand):
+    """The window at station Populations with everything measured."""
+    opened.populations._take(Measured(opened.populations.asked, *sand))
+    opened.populations.changed.emit()
+    opened.enter("populations")
+    idle()
+    return opened
+
+
+def click(plot, label, group=0, modifier=Qt.KeyboardModifier.NoModifier):
+    QTest.mouseClick(
+        plot.viewport(), Qt.MouseButton.LeftButton, modifier, plot.place_of(label, group).toPoint()
+    )
+
+
+def drag(plot, *places):
+    """Press at the first place, move through the others, release at the last."""
+    button, viewport = Qt.MouseButton.LeftButton, plot.viewport()
+    QTest.mousePress(viewport, button, pos=places[0])
+    for start, end in pairwise(places):
+        for share in (0.25, 0.5, 0.75, 1.0):
+            QTest.mouseMove(viewport, start + (end - start) * share)
+            QTest.qWait(5)
+    QTest.mouseRelease(viewport, button, pos=places[-1])
+    QCoreApplication.processEvents()
+
+
+def test_populations_are_measured_and_appear_with_their_numbers(opened, idle):
+    window = opened
+    window.enter("populations")
+    assert window.populations.is_measuring
+    assert "being measured" in window.plots.words.text()
+    idle()
+    grains, avatars = window.populations.populations
+    assert (len(grains), len(avatars)) == (3, 2)
+    panel = window.panels_populations
+    panel.look_at("volume")
+    # By hand: the mean of 4/3 pi abc over the three bodies, 10 µm a voxel.
+    volumes = [4 / 3 * np.pi * np.prod(radii) * 1000 for _, radii in BODIES]
+    shown = float(panel.statistics.text("Mean", 1)) * (
+        1e9 if "mm³" in panel.statistics.text("Mean", 0) else 1
+    )
+    assert shown == pytest.approx(np.mean(volumes), rel=0.02)
+    assert panel.statistics.text("Bodies", 2) == "2"
+    assert panel.statistics.text("δ mean", 1) == "–"
+    assert panel.statistics.text("δ mean", 2).endswith("%")
+    # The largest of the three intermediate axes (twice 10, 9 and 6 voxels) bounds all sizes.
+    assert float(panel.sizes.text("D60", 1)) <= 205
+    assert "µm" in panel.sizes.text("D60", 0)
+    plots = window.plots
+    assert plots.page_name == "distribution"
+    bottom = plots.page.pdf.getAxis("bottom").labelText
+    assert bottom.startswith("Volume V (")
+    assert bottom.endswith("m³)")
+
+
+def test_a_click_in_a_plot_chooses_the_grain_everywhere(measured, idle):
+    window = measured
+    window.plots.open_page("zingg")
+    QCoreApplication.processEvents()
+    plot = window.plots.page.plot
+    before = window.viewport.picture()
+    click(plot, 2)
+    idle()
+    assert window.workspace.selected == 2
+    assert window.table.chosen_labels() == [2]
+    assert len(plot.marked) == 2  # the grain and its avatar
+    assert (window.viewport.picture() != before).any(axis=2).mean() > 0.01
+    click(plot, 3, modifier=Qt.KeyboardModifier.ControlModifier)
+    assert window.workspace.chosen == {2, 3}
+    click(plot, 2, modifier=Qt.KeyboardModifier.ControlModifier)
+    assert window.workspace.chosen == {3}
+    place = plot.viewport().rect().bottomLeft() + QPoint(90, -90)
+    QTest.mouseClick(plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    assert window.workspace.chosen == frozenset()
+
+
+def test_a_rectangle_and_a_lasso_choose_what_they_hold(measured, idle):
+    window = measured
+    window.plots.open_page("pairs")
+    window.panels_populations.look_at("volume")
+    QCoreApplication.processEvents()
+    plot = window.plots.page.plot
+    places = {label: plot.place_of(label).toPoint() for label in (1, 2, 3)}
+    room = QPoint(12, 12)
+    drag(plot, places[1] - room, places[1] + room)
+    assert window.workspace.chosen == {1}
+    window.plots.lasso.click()
+    wide = QPoint(14, 0), QPoint(0, 14)
+    drag(plot, places[3] - wide[0], places[3] - wide[1], places[3] + wide[0], places[3] + wide[1])
+    assert window.workspace.chosen == {3}
+    # A drag over the density takes a range of values, wherever it is drawn.
+    window.plots.open_page("distribution")
+    QCoreApplication.processEvents()
+    density = window.plots.page.pdf
+    xs = sorted(density.place_of(label).x() for label in (2, 3))
+    drag(density, QPoint(round(xs[0]) - 6, 30), QPoint(round(xs[1]) + 6, 60))
+    assert window.workspace.chosen == {2, 3}
+    idle()
+    assert sorted(window.table.chosen_labels()) == [2, 3]
+    # Both are solid in the view: the one looked at, and the other cut out of the overview.
+    assert window.link.scene.chosen == {2, 3}
+    assert window.link.scene._overviews.others is not None
+
+
+def test_the_table_and_the_view_bring_out_points(measured, idle):
+    window = measured
+    plot = window.plots.page.cdf
+    table = window.table
+    table.selectRow(table.labels_in_order().index(3))
+    assert window.workspace.chosen == {3}
+    (spot,) = plot.marked
+    assert spot[1] == pytest.approx(1 / 3)  # the least round of three has a third at or below it
+    table.selectAll()
+    assert window.workspace.chosen == {1, 2, 3}
+    assert len(plot.marked) == 5
+    renderer = window.viewport.plotter.renderer
+    window.workspace.select(None)
+    idle()
+    window.link.look_from("top")
+    window.viewport.render_now()
+    renderer.SetWorldPoint(*window.workspace.state.grains.grain(1).centroid, 1.0)
+    renderer.WorldToDisplay()
+    window.viewport.clicked.emit(*renderer.GetDisplayPoint()[:2])
+    assert window.workspace.chosen == {1}
+    assert len(plot.marked) == 2
+
+
+def test_keys_go_from_grain_to_grain(measured):
+    window = measured
+    window.panels_populations.look_at("volume")
+    plot = window.plots.page.cdf
+    plot.setFocus()
+    for expected in (3, 2, 1, 3):  # by rising volume, and round again
+        QTest.keyClick(plot, Qt.Key.Key_Right)
+        assert window.workspace.selected == expected
+    QTest.keyClick(plot, Qt.Key.Key_Left)
+    assert window.workspace.selected == 1
+
+
+def test_it_is_kept_until_the_project_changes(measured, idle, sand):
+    window = measured
+    panel, work = window.panels_populations, window.populations
+    first = work.measured
+    assert work.is_current
+    assert not panel.measure_button.isEnabled()
+    window.workspace.select(2)
+    window.enter("fit")
+    window.enter("populations")
+    idle()
+    assert work.measured is first
+    window.workspace.change("Take an avatar", fits={1: sand[0].fits[1]})
+    assert not work.is_current
+    assert "Out of date" in panel._hint.text()
+    assert window.commands.run("populations.measure")
+    idle()
+    assert [len(p) for p in work.populations] == [3, 1]
+    window.undo()
+    assert work.measured is first
+    window.files.new_project()
+    assert work.populations == []
+    assert "Find them" in window.plots.words.text()
+
+
+def test_measuring_is_cancelled(measured, idle, qtbot):
+    window = measured
+    window.panels_populations.detail.setChecked(True)
+    task = window.populations.measure()
+    qtbot.waitUntil(lambda: task.state == "running", timeout=PATIENCE)
+    assert window.commands.run("work.cancel")
+    idle()
+    assert task.state == "cancelled"
+    assert not window.populations.is_current
+    assert window.panels_populations.measure_button.isEnabled()
+
+
+def test_clones_stand_beside_them_and_cannot_be_chosen(measured):
+    window = measured
+    grains = window.populations.populations[0]
+    clones = Population(
+        "clones", "clones", grains.labels, {n: 1.1 * c for n, c in grains.factors.items()}, grains.unit,
+        grains.axes, grains.surface, grains.reasons, grains.warnings,
+    )  # fmt: skip
+    window.populations.show_others([clones])
+    panel = window.panels_populations
+    panel.look_at("dn")
+    assert panel.statistics.text("δ mean", 3) == "10.00 %"
+    window.plots.open_page("pairs")
+    QCoreApplication.processEvents()
+    click(window.plots.page.plot, 1, group=2)
+    assert window.workspace.selected is None
+
+
+@pytest.mark.parametrize("choice", ["light", "dark"])
+def test_every_page_shows_both_populations(measured, choice):
+    window = measured
+    window.choose_theme(choice)
+    wanted = [window.theme.scene.grain, window.theme.scene.avatar]
+    for name in window.plots.pages:
+        window.plots.open_page(name)
+        QCoreApplication.processEvents()
+        image = window.plots.page.grab().toImage().convertToFormat(image_format())
+        pixels = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
+        pixels = pixels[:, : 3 * image.width()].reshape(image.height(), image.width(), 3).astype(int)
+        dark = pixels.mean() < 100
+        assert dark == (choice == "dark"), name
+        for colour in wanted:
+            rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+            # Points are blended with what lies behind them.
+            hue = (pixels - pixels[2, 2]) @ (rgb - pixels[2, 2]) / np.sum((rgb - pixels[2, 2]) ** 2)
+            off = np.linalg.norm(pixels - pixels[2, 2] - hue[..., None] * (rgb - pixels[2, 2]), axis=2)
+            assert ((hue > 0.35) & (off < 12)).sum() > 8, (name, colour)
+
+
+def image_format():
+    from PySide6.QtGui import QImage
+
+    return QImage.Format.Format_RGB888
+
+
+def test_figures_are_saved_and_copied(measured, idle, tmp_path):
+    window = measured
+    for name in window.plots.pages:
+        window.plots.open_page(name)
+        window.files.save_figure(tmp_path / name, "SVG drawing (*.svg)")
+        idle()
+        assert window.messages.level == "success", window.messages.text
+        assert (tmp_path / f"{name}.svg").read_text().count("<path") > 10
+    window.files.save_figure(tmp_path / "size.bmp")
+    assert window.messages.level == "error"
+    assert ".svg" in window.messages.text
+    assert window.commands.run("populations.copy_figure")
+    idle()
+    assert QGuiApplication.clipboard().image().width() > 300
+
+
+def test_the_report_is_written(measured, idle, tmp_path, monkeypatch):
+    window = measured
+    # All figures take seconds, and are drawn by the tests of the report.
+    draw = population_report.picture
+    one = lambda shown, sieves: [draw(population_report.zingg_figure(shown), "Zingg")]  # noqa: E731
+    monkeypatch.setattr(population_report, "_figures", one)
+    window.brushing.write_report(tmp_path / "sand.html")
+    idle()
+    assert window.messages.level == "success", window.messages.text
+    text = (tmp_path / "sand.html").read_text(encoding="utf-8")
+    HTMLParser().feed(text)
+    assert text.count("<figure>") == 1
+    assert "3 grains and 2 avatars" in text
+    window.brushing.write_report(tmp_path / "missing" / "sand.html")
+    idle()
+    assert window.messages.level == "error"
+    assert "sand.html" in window.messages.text
+
+
+def test_sizes_outside_the_sieves_are_said(measured, idle, tmp_path, window):
+    panel = window.panels_populations
+    grains = window.populations.populations[0]
+    factors = {name: column * 1e-3 for name, column in grains.factors.items()}
+    tiny = Population(
+        "dust", "grains", grains.labels, factors, "um", grains.axes, grains.surface, grains.reasons,
+        grains.warnings,
+    )  # fmt: skip
+    window.populations.show_others([tiny])
+    panel.sieves.setCurrentIndex(panel.sieves.findData("iso"))
+    assert "outside the sieves" in panel._sizes_note.text()
+    window.plots.open_page("size")
+    assert "outside the sieves" in window.plots.page._note.text()
+
+
+def test_points_inside_a_dented_outline():
+    corners = np.array([(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)], dtype=float)  # an M upside down
+    points = np.array([(2, 0.5), (2, 3), (0.5, 2), (3.5, 2), (5, 2), (-1, 0)], dtype=float)
+    assert points_inside(points, corners).tolist() == [True, False, True, True, False, False]
