@@ -4,7 +4,9 @@
     python3 run.py                 set up, then the window on the built-in sample scan
                                    (without a display: mbstudio tour --out tour/)
     python3 run.py ARGUMENTS       set up, then `mbstudio ARGUMENTS`
-    python3 run.py test [...]      set up with the test tools, then pytest, headless
+    python3 run.py test [...]      set up with the test tools, then pytest, headless; with --cov it
+                                   also reports which lines of mbstudio the tests have run
+    python3 run.py check           set up with the test tools, then ruff (rules, layout) and mypy
 
 Everything goes into .venv beside this file, in the versions of constraints.txt. A stamp is
 written into .venv last of all: without it, .venv is made anew, so that an interrupted set-up
@@ -40,6 +42,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parent
 SET_UP_VERSION = 1  # raise it when the steps below change, so that every .venv is made anew
 KINDS = {"runtime": "", "test": "[test]"}
+# What `check` runs, each as `python -m ...`.
+CHECKS = (("ruff", "check"), ("ruff", "format", "--check"), ("mypy",))
 MARKER = "made-by-mbstudio"
 STAMP = "mbstudio-set-up.json"
 # Set on some machines; each of them makes pip install somewhere else than into .venv.
@@ -351,23 +355,47 @@ def set_up(kind: str, root: Path = ROOT) -> Path:
 # ---------------------------------------------------------------- start
 
 
+def pytest_arguments(arguments: Sequence[str]) -> list[str]:
+    """Return what pytest gets: the whole suite on two cores, or as pytest alone does, so that --pdb and -x work.
+
+    A bare ``--cov`` would take the word after it for what is to be measured.
+    """
+    words = ["--cov=mbstudio" if word == "--cov" else word for word in arguments]
+    is_whole_suite = all(word.startswith("--cov") for word in words)
+    return [*words, *(["-n", "2", "--dist", "loadfile"] if is_whole_suite else [])]
+
+
+def check(python: Path) -> int:
+    """Run every check, also after one that fails; return 0 if all pass, else 1."""
+    failed = []
+    for words in CHECKS:
+        say(f"running {shlex.join(words)}")
+        if subprocess.run([str(python), "-m", *words], cwd=ROOT).returncode:
+            failed.append(shlex.join(words))
+    if failed:
+        say(f"failed: {', '.join(failed)}")
+    return 1 if failed else 0
+
+
 def command_of(arguments: Sequence[str], python: Path) -> list[str]:
     """Return what to run once the set-up is done."""
     if arguments[:1] == ["test"]:
-        # The whole suite on two cores; with arguments as pytest alone would do, so that --pdb and -x work.
-        return [str(python), "-m", "pytest", *(arguments[1:] or ["-n", "2", "--dist", "loadfile"])]
+        return [str(python), "-m", "pytest", *pytest_arguments(arguments[1:])]
     if not arguments:
         arguments = ["gui", "--sample"] if has_display() else ["tour", "--out", "tour/"]
     return [str(python), "-m", "mbstudio", *arguments]
 
 
 def main(arguments: Sequence[str]) -> int:
+    is_check = list(arguments) == ["check"]
     is_test = list(arguments[:1]) == ["test"]
     try:
-        python = set_up("test" if is_test else "runtime")
+        python = set_up("test" if is_test or is_check else "runtime")
     except (SetUpError, OSError) as error:
         say(str(error))
         return 1
+    if is_check:
+        return check(python)
     command = command_of(list(arguments), python)
     if is_test:
         os.chdir(ROOT)

@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -341,6 +342,74 @@ def test_arguments_go_to_the_program(run, monkeypatch):
     assert run.command_of([], python)[2:] == ["mbstudio", "gui", "--sample"]
     monkeypatch.setattr(run, "has_display", lambda: False)
     assert run.command_of([], python)[2:] == ["mbstudio", "tour", "--out", "tour/"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "given"),
+    [
+        (["--cov"], ["--cov=mbstudio", "-n", "2", "--dist", "loadfile"]),
+        (["--cov", "--cov-report=html"], ["--cov=mbstudio", "--cov-report=html", "-n", "2", "--dist", "loadfile"]),
+        (["--cov", "tests/core"], ["--cov=mbstudio", "tests/core"]),
+        (["-x"], ["-x"]),
+    ],
+)
+def test_coverage_is_that_of_the_package_on_two_cores_too(run, asked, given):
+    assert run.command_of(["test", *asked], Path("python")) == ["python", "-m", "pytest", *given]
+
+
+@pytest.fixture
+def checks(run, monkeypatch):
+    """Stands in for the checks: what was set up and run, and the tool that fails, if any."""
+    kinds, commands, failing = [], [], set()
+
+    def fake_run(command, **_options):
+        commands.append(command)
+        return subprocess.CompletedProcess(command, int(command[2] in failing))
+
+    def fake_set_up(kind):
+        kinds.append(kind)
+        return Path("python")
+
+    monkeypatch.setattr(run, "set_up", fake_set_up)
+    monkeypatch.setattr(run.subprocess, "run", fake_run)
+    return kinds, commands, failing
+
+
+def test_check_runs_the_linters_of_the_test_tools(run, checks):
+    kinds, commands, _ = checks
+    assert run.main(["check"]) == 0
+    assert kinds == ["test"]
+    assert [command[1:] for command in commands] == [
+        ["-m", "ruff", "check"],
+        ["-m", "ruff", "format", "--check"],
+        ["-m", "mypy"],
+    ]
+
+
+def test_one_check_that_fails_does_not_hide_the_next(run, checks, capsys):
+    _, commands, failing = checks
+    failing.add("ruff")
+    assert run.main(["check"]) == 1
+    assert commands[-1][-1] == "mypy"
+    assert "failed: ruff check, ruff format --check" in capsys.readouterr().err
+
+
+def test_every_way_to_the_checks_runs_the_same_ones(run):
+    integration = (REPOSITORY / ".ci" / "run").read_text().splitlines()
+    assert integration[-2:] == ["python3 run.py check", "exec python3 run.py test"]
+    hooks = (REPOSITORY / ".pre-commit-config.yaml").read_text()
+    assert re.findall(r"entry: (.+)", hooks) == [" ".join(words) for words in run.CHECKS]
+    workflow = (REPOSITORY / ".github" / "workflows" / "tests.yml").read_text()
+    commands = re.findall(r"- run: (python run\.py .+)", workflow)
+    assert commands == ["python run.py check", "python run.py test"]
+
+
+def test_the_workflow_tries_the_pythons_that_are_supported():
+    workflow = (REPOSITORY / ".github" / "workflows" / "tests.yml").read_text()
+    oldest = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["requires-python"]
+    pythons = re.findall(r'"(3\.\d+)"', workflow)
+    assert oldest == f">={pythons[0]}"
+    assert pythons == ["3.11", "3.12", "3.13"]
 
 
 def test_engines_of_the_set_up_are_those_it_brings(run, monkeypatch):
