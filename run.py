@@ -356,7 +356,7 @@ def set_up(kind: str, root: Path = ROOT) -> Path:
 
 
 def pytest_arguments(arguments: Sequence[str]) -> list[str]:
-    """Return what pytest gets: the whole suite on two cores, or as pytest alone does, so that --pdb and -x work.
+    """Return what pytest gets: the whole suite runs on two cores, a part as with pytest alone (--pdb, -x).
 
     A bare ``--cov`` would take the word after it for what is to be measured.
     """

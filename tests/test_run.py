@@ -348,7 +348,10 @@ def test_arguments_go_to_the_program(run, monkeypatch):
     ("asked", "given"),
     [
         (["--cov"], ["--cov=mbstudio", "-n", "2", "--dist", "loadfile"]),
-        (["--cov", "--cov-report=html"], ["--cov=mbstudio", "--cov-report=html", "-n", "2", "--dist", "loadfile"]),
+        (
+            ["--cov", "--cov-report=html"],
+            ["--cov=mbstudio", "--cov-report=html", "-n", "2", "--dist", "loadfile"],
+        ),
         (["--cov", "tests/core"], ["--cov=mbstudio", "tests/core"]),
         (["-x"], ["-x"]),
     ],
