@@ -182,7 +182,7 @@ def told(values: list[float], digits: int) -> str:
 
 def tabulate(preset: str, runs: list[Figures]) -> None:
     """Print the table of one preset."""
-    print(f"\n#### {preset}, {len(runs)} seed(s)\n\n| what | asked | found | met |\n|---|---|---|---|")
+    print(f"\n#### {preset}, {len(runs)} seed(s)\n\n| what | required | found | met |\n|---|---|---|---|")
 
     def line(
         what: str, asked: str, key: str, digits: int = 0, meets: Callable[[float], bool] | None = None,
@@ -198,28 +198,38 @@ def tabulate(preset: str, runs: list[Figures]) -> None:
     def beside(key: str, digits: int) -> str:
         return told([figures[key] for figures in runs], digits)
 
-    line("grains whose noise grows with sigma (%)", "all", "noise grows", 0, lambda v: v == 100, worst=True)
-    line("largest step of a morph over its mean", "1.5", "morph step", 3, lambda v: v <= 1.5, worst=True)
-    line("grains of morphs valid (%)", "all", "morph valid", 1, lambda v: v == 100, worst=True)
+    line(
+        "grains whose deviation grows with sigma (%)", "all", "noise grows", 0, lambda v: v == 100, worst=True
+    )
+    line("largest step of a morph over its mean step", "1.5", "morph step", 3, lambda v: v <= 1.5, worst=True)
+    line("valid grains in morphs (%)", "all", "morph valid", 1, lambda v: v == 100, worst=True)
     for name in MEANINGS:
         after = f" (least {beside(f'{name} least', 2)}), gain {beside(f'{name} gain', 2)}"
         line(f"steps along {name}: correlation", f"{LEAST[name]}", f"{name} correlation", 3,
              lambda v, name=name: v >= LEAST[name], after=after)  # fmt: skip
-        after = f" (of any grain {beside(f'{name} drift worst', 2)}); valid {beside(f'{name} valid', 1)} %"
-        line(f"steps along {name}: most that another factor drifts", f"{DRIFT}", f"{name} drift", 2,
+        after = f" (in any grain {beside(f'{name} drift worst', 2)}); valid {beside(f'{name} valid', 1)} %"
+        line(f"steps along {name}: largest drift of another factor", f"{DRIFT}", f"{name} drift", 2,
              lambda v: v <= DRIFT, worst=True, after=after)  # fmt: skip
     line("CSF of the smallest box: correlation with steps along csf", "", "box correlation", 3)
-    line("CSF of the smallest box: change for a change of 1 of the CSF by inertia", "", "box slope", 2)
+    line("CSF of the smallest box: change per unit change of the CSF by inertia", "", "box slope", 2)
     line("both CSF among the parents: correlation", "", "box parents", 3)
     for name in MEANINGS[:-1]:
         after = f" (plain sum {beside(f'plain {name}', 0)})"
-        line(f"sums: right sign of {name} (%)", "90", f"told {name}", 1, lambda v: v >= 90, after=after)
-    line("sums: valid (%)", "", "told valid", 1)
-    line("design for CSF and sphericity of parents: within 2 % (%)", "95", "parents met", 1,
+        line(
+            f"arithmetic: correct sign of the change in {name} (%)",
+            "90",
+            f"told {name}",
+            1,
+            lambda v: v >= 90,
+            after=after,
+        )
+    line("arithmetic: valid grains (%)", "", "told valid", 1)
+    line("design for CSF and sphericity of a parent: within 2 % (%)", "95", "parents met", 1,
          lambda v: v >= 95, after=f"; valid {beside('parents valid', 1)} %")  # fmt: skip
-    line("the same, the two drawn apart: of all tries (%)", "95", "apart met", 1, lambda v: v >= 95,
-         after=f"; a body can have {beside('apart possible', 1)} % of them")  # fmt: skip
-    line("the same: of those that a body can have (%)", "95", "apart met possible", 1, lambda v: v >= 95,
+    line("the same, drawn independently: of all tries (%)", "95", "apart met", 1, lambda v: v >= 95,
+         after=f"; {beside('apart possible', 1)} % are possible")  # fmt: skip
+    line("the same, drawn independently: of the possible tries (%)", "95", "apart met possible", 1,
+         lambda v: v >= 95,
          after=f"; largest miss {beside('apart worst possible', 1)} %; valid {beside('apart valid', 1)} %",
     )  # fmt: skip
     line("CPU time, training and all of the above (s)", "", "seconds", 0)

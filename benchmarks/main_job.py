@@ -88,7 +88,7 @@ def report(project: Project, hand: Path, summary: dict[str, float]) -> None:
     print(f"| foreground IoU / instance F1, slice 0 | {score.foreground_iou:.3f} / {score.f1:.3f} |")
     print(f"| fitted / failed / valid | {len(fits)} / {summary['failed']} / {summary['valid']} |")
     print(
-        "| in pieces / with voids, counted anew on a plain grid "
+        "| in pieces / with voids, counted again on a plain grid "
         f"| {(found[:, 0] != 1).sum():.0f} / {(found[:, 1] > 0).sum():.0f} |"
     )
     print(f"| volume error, median / 95th / largest | {spread(error)} % |")

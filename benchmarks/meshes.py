@@ -50,7 +50,7 @@ def main() -> None:
     options.add_argument("--cells", type=int, nargs="+", default=[8, 16, 32])
     given = options.parse_args()
     print(
-        "| avatars | of them | cells | triangles, median | smallest angle (°), worst | median "
+        "| avatars | number | cells | triangles, median | smallest angle (°), worst | median "
         "| Hausdorff over D_n (%), median | worst | all closed | CPU s each |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")

@@ -117,7 +117,7 @@ def lay_out(window: MainWindow, heart: Heartbeat, count: int) -> str:
             end.append(time.perf_counter() + 1.0)
         return bool(end) and time.perf_counter() > end[0]
 
-    return row(f"laying {count} clones out", heart.during(work, over))
+    return row(f"arranging {count} clones", heart.during(work, over))
 
 
 def turn(window: MainWindow, heart: Heartbeat) -> str:
@@ -127,7 +127,7 @@ def turn(window: MainWindow, heart: Heartbeat) -> str:
     timer.timeout.connect(lambda: window.viewport.rotate(4, 1))
     pauses = heart.during(timer.start, lambda: time.perf_counter() > end)
     timer.stop()
-    return row("turning them", pauses)
+    return row("rotating them", pauses)
 
 
 def main() -> None:

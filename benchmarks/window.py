@@ -175,7 +175,7 @@ def main() -> None:
     print("| What | Median | Least | Most |\n|---|---|---|---|")
     for title, name, unit, given in (
         ("start to a usable window", "start", "s", runs),
-        ("of it, time of the processor", "processor", "s", runs),
+        ("of it, CPU time", "processor", "s", runs),
         ("memory then", "memory", "MB", runs),
         (f"opening a scan of {scan.stat().st_size / 1e6:.0f} MB until it is drawn", "opening", "s", opened),
         ("memory then", "memory with scan", "MB", opened),
