@@ -5,26 +5,29 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from types import ModuleType
 from typing import Annotated, Any
 
 import typer
 
 import mbstudio
-from mbstudio.cli import console
-from mbstudio.cli.doctor import doctor
-from mbstudio.cli.export import export
-from mbstudio.cli.figures import figures
-from mbstudio.cli.fit import fit
-from mbstudio.cli.generate import generate
-from mbstudio.cli.gui import gui
-from mbstudio.cli.latent import latent
-from mbstudio.cli.learn import learn
-from mbstudio.cli.measure import measure
-from mbstudio.cli.report import report
-from mbstudio.cli.segment import segment
-from mbstudio.cli.sweep import sweep
-from mbstudio.cli.tour import tour
+from mbstudio.cli import (
+    console,
+    doctor,
+    export,
+    figures,
+    fit,
+    generate,
+    gui,
+    latent,
+    learn,
+    measure,
+    report,
+    segment,
+    sweep,
+    tour,
+)
 from mbstudio.core.errors import MbstudioError
 
 FAILED = 1
@@ -38,22 +41,24 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (
-    gui,
-    tour,
-    segment,
-    fit,
-    sweep,
-    measure,
-    report,
-    export,
-    learn,
-    generate,
-    latent,
-    figures,
-    doctor,
-):
-    app.command()(command)
+_COMMANDS: dict[ModuleType, Callable[..., None]] = {
+    gui: gui.gui,
+    tour: tour.tour,
+    segment: segment.segment,
+    fit: fit.fit,
+    sweep: sweep.sweep,
+    measure: measure.measure,
+    report: report.report,
+    export: export.export,
+    learn: learn.learn,
+    generate: generate.generate,
+    latent: latent.latent,
+    figures: figures.figures,
+    doctor: doctor.doctor,
+}
+for _module, _command in _COMMANDS.items():
+    # Not from docstrings, which python -OO drops.
+    app.command(help=_module.HELP)(_command)
 
 
 def _print_version(asked: bool) -> None:

@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from mbstudio.core.options import Option
+
 SECONDS_BETWEEN_LINES = 2.0
 
 
@@ -82,6 +84,12 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
         table.add_row(*(text(cell) for cell in row))
     # In a file there is no edge of a screen at which to break lines.
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
+
+
+def print_options(options: Mapping[str, Option]) -> None:
+    """Print options with their defaults and what they mean, one a line, on stdout."""
+    for name, option in options.items():
+        print(f"    {name}={option.default}  {option.meaning}")
 
 
 def print_facts(title: str, facts: Mapping[str, Any]) -> None:

@@ -41,8 +41,11 @@ print("FOUND" + json.dumps(found))
 """
 
 
+HELP = "Tell versions, OpenGL, PyTorch's device, and which DEM engines are there."
+
+
 def doctor(as_json: inputs.JsonOption = False) -> None:
-    """Tell versions, OpenGL, PyTorch's device, and which DEM engines are there."""
+    """Run ``mbstudio doctor``; `HELP` says what it does."""
     result = {
         "mbstudio": mbstudio.__version__,
         "python": platform.python_version(),

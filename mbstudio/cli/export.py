@@ -25,9 +25,11 @@ def _tell_targets(wanted: bool) -> None:
 
     for name, target in targets().items():
         print(f"{name}: {target.title}{', needs --density' if target.needs_density else ''}")
-        for option, meaning in target.options.items():
-            print(f"    {option}={meaning.default}  {meaning.meaning}")
+        console.print_options(target.options)
     raise typer.Exit
+
+
+HELP = "Write avatars for a DEM engine, each with its centre of mass at the origin."
 
 
 def export(
@@ -100,7 +102,7 @@ def export(
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Write avatars for a DEM engine, each with its centre of mass at the origin."""
+    """Run ``mbstudio export``; `HELP` says what it does."""
     from mbstudio.core.dem import export as export_avatars
     from mbstudio.core.project import Project
 

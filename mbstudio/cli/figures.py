@@ -11,6 +11,8 @@ import typer
 from mbstudio.cli import console, inputs
 from mbstudio.core.errors import MbstudioError
 
+HELP = "Draw the paper's figures 2, 3, 5 and 6 from synthetic grains."
+
 
 def figures(
     folder: Annotated[
@@ -22,7 +24,7 @@ def figures(
     ] = 80.0,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Draw the paper's figures 2, 3, 5 and 6 from synthetic grains."""
+    """Run ``mbstudio figures``; `HELP` says what it does."""
     from mbstudio.scene.pictures.offscreen import prepare_offscreen_rendering
 
     prepare_offscreen_rendering()

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -20,6 +20,26 @@ if TYPE_CHECKING:
     from mbstudio.core.project import FitSettings, Project
 
 INTERRUPTED = 130
+
+
+def _tell_options(wanted: bool) -> None:
+    """Print the options of both methods and end, if that is wanted."""
+    if not wanted:
+        return
+    from mbstudio.core.imaging.options import find_options
+    from mbstudio.core.imaging.steps import Method
+
+    for method in get_args(Method):
+        print(f"{method}:")
+        console.print_options(find_options(method).list_options().options)
+    raise typer.Exit
+
+
+HELP = """Fit avatars to all grains that the border does not cut, and save the project.
+
+Grains are found first where the project or scan has none yet. When interrupted, the
+project is saved with the avatars there are; the same command then goes on with the rest.
+"""
 
 
 def fit(
@@ -42,9 +62,15 @@ def fit(
         typer.Option(
             "--option",
             metavar="NAME=VALUE",
-            help="An option of the method; may be given again. See the guide.",
+            help="An option of the method; may be given again. --options tells them all.",
         ),
     ] = None,
+    _options: Annotated[
+        bool,
+        typer.Option(
+            "--options", is_eager=True, callback=_tell_options, help="Tell the options of both methods."
+        ),
+    ] = False,
     cavities: Annotated[
         str,
         typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar."),
@@ -84,11 +110,7 @@ def fit(
     big_endian: inputs.EndianOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Fit avatars to all grains that the border does not cut, and save the project.
-
-    Grains are found first where the project or scan has none yet. When interrupted, the
-    project is saved with the avatars there are; the same command then goes on with the rest.
-    """
+    """Run ``mbstudio fit``; `HELP` says what it does."""
     from mbstudio.core.grains import Grain
     from mbstudio.core.imaging.goals.target import FitTarget
     from mbstudio.core.imaging.options import read_options

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 TABLE = "factors.csv"
 
 
+HELP = """Generate new valid grains whose factors are distributed like their parents', or as asked for.
+
+Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
+them; factors.csv holds the shape factors of all.
+"""
+
+
 def generate(
     style: Annotated[Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")],
     folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the clones go.")],
@@ -45,11 +52,7 @@ def generate(
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Generate new valid grains whose factors are distributed like their parents', or as asked for.
-
-    Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
-    them; factors.csv holds the shape factors of all.
-    """
+    """Run ``mbstudio generate``; `HELP` says what it does."""
     from mbstudio.core.batch.processes import usable_cores
     from mbstudio.core.dem.exporting import check_replaceable
     from mbstudio.core.dem.manifest import files_of_earlier_export

@@ -11,6 +11,8 @@ import typer
 from mbstudio.cli import inputs
 from mbstudio.core.errors import MbstudioError
 
+HELP = "Open the window."
+
 
 def gui(
     source: Annotated[
@@ -18,7 +20,7 @@ def gui(
     ] = None,
     sample: Annotated[bool, typer.Option("--sample", help="Begin with the built-in sample scan.")] = False,
 ) -> None:
-    """Open the window."""
+    """Run ``mbstudio gui``; `HELP` says what it does."""
     from mbstudio.scene.pictures.offscreen import has_display
 
     if sample and source is not None:

@@ -19,6 +19,14 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.serialize.serialization import Serialization
 
 
+HELP = """Shape grains by hand: interpolate, add, blend, vary, move along meanings, design by factors.
+
+A, B and C are parents, by name or by number from 1; files with a mesh or an avatar; or grains made
+before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, elongation, csf,
+sphericity and roughness. Without one of these options: what the style-learner knows.
+"""
+
+
 def latent(
     style: Annotated[Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")],
     folder: Annotated[
@@ -72,12 +80,7 @@ def latent(
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Shape grains by hand: interpolate, add, blend, vary, move along meanings, design by factors.
-
-    A, B and C are parents, by name or by number from 1; files with a mesh or an avatar; or grains made
-    before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, elongation, csf,
-    sphericity and roughness. Without one of these options: what the style-learner knows.
-    """
+    """Run ``mbstudio latent``; `HELP` says what it does."""
     from mbstudio.core.vae.models.style_learner import load_style_learner
 
     begun = time.monotonic()

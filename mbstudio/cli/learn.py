@@ -29,6 +29,14 @@ class Preset(StrEnum):
     PCA = "pca"
 
 
+HELP = """Learn the style of grains: the shape and size that new ones are to have.
+
+Every grain is fitted from one common template first, so that control point i means the same in each;
+then the style-learner is trained. When interrupted, the best state so far is saved. With --on, preset and
+control points are those of the style-learner that learns on; its old parents are not forgotten.
+"""
+
+
 def learn(
     source: Annotated[
         Path,
@@ -59,12 +67,7 @@ def learn(
     workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Learn the style of grains: the shape and size that new ones are to have.
-
-    Every grain is fitted from one common template first, so that control point i means the same in each;
-    then the style-learner is trained. When interrupted, the best state so far is saved. With --on, preset and
-    control points are those of the style-learner that learns on; its old parents are not forgotten.
-    """
+    """Run ``mbstudio learn``; `HELP` says what it does."""
     from mbstudio.core.batch.processes import usable_cores
     from mbstudio.core.vae.models.learning_on import learn_on
     from mbstudio.core.vae.models.style_learner import load_style_learner

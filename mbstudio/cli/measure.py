@@ -56,6 +56,13 @@ DetailOption = Annotated[
 ]
 
 
+HELP = """Measure shape factors: of a mesh, or of a project's grains and their avatars.
+
+Of a project, the grains that have an avatar are measured together with it, with the
+relative error of each factor; if none has one, all interior grains.
+"""
+
+
 def measure(
     source: Annotated[
         Path, typer.Argument(metavar="PROJECT|MESH", help="A project with grains, or a closed surface mesh.")
@@ -81,11 +88,7 @@ def measure(
     ] = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Measure shape factors: of a mesh, or of a project's grains and their avatars.
-
-    Of a project, the grains that have an avatar are measured together with it, with the
-    relative error of each factor; if none has one, all interior grains.
-    """
+    """Run ``mbstudio measure``; `HELP` says what it does."""
     for output in (csv_file, parquet_file):
         require_table_output(output, source)
     if parquet_file is not None:

@@ -31,6 +31,12 @@ class Sieves(StrEnum):
     ASTM = "astm"
 
 
+HELP = """Write what the grains and avatars of a project are like, as one HTML file with figures.
+
+Which grains: as for 'mbstudio measure'.
+"""
+
+
 def report(
     source: Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with grains.")],
     output: Annotated[
@@ -49,10 +55,7 @@ def report(
     workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Write what the grains and avatars of a project are like, as one HTML file with figures.
-
-    Which grains: as for 'mbstudio measure'.
-    """
+    """Run ``mbstudio report``; `HELP` says what it does."""
     path = output or source.with_suffix(".html")
     require_table_output(path, source)
     begun = time.monotonic()

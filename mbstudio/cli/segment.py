@@ -10,6 +10,8 @@ import typer
 from mbstudio.cli import console, inputs
 from mbstudio.core.errors import MbstudioError
 
+HELP = "Find the grains of a scan."
+
 
 def segment(
     source: Annotated[Path, typer.Argument(metavar="SCAN|PROJECT", help="A scan, or a project with one.")],
@@ -31,7 +33,7 @@ def segment(
     big_endian: inputs.EndianOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Find the grains of a scan."""
+    """Run ``mbstudio segment``; `HELP` says what it does."""
     from mbstudio.core.project import Project
 
     if output is not None:

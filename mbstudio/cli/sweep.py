@@ -21,6 +21,13 @@ NUMBERS = "10,20,40,80,120"
 _SHOWN = ("rms", "hausdorff", "overlap_error", "area", "sphericity", "circularity", "csf", "dns")
 
 
+HELP = """Fit grains with several numbers of control points, and tell how true each avatar is.
+
+The table is written after every fit: an interrupted sweep goes on with --resume. All grains that
+the border does not cut are swept, unless --grains says which.
+"""
+
+
 def sweep(
     source: Annotated[
         Path,
@@ -65,11 +72,7 @@ def sweep(
     big_endian: inputs.EndianOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Fit grains with several numbers of control points, and tell how true each avatar is.
-
-    The table is written after every fit: an interrupted sweep goes on with --resume. All grains that
-    the border does not cut are swept, unless --grains says which.
-    """
+    """Run ``mbstudio sweep``; `HELP` says what it does."""
     from mbstudio.core.imaging.options import read_options
     from mbstudio.core.imaging.sweep import Sweep, read_sweep
 

@@ -16,6 +16,9 @@ DENSITY = 2650.0  # quartz sand, kg/m3
 OURS = {"sample.mbs", "factors.csv", "summary.json", "pictures", *TARGETS}
 
 
+HELP = "Go the whole way on the built-in sample scan: grains, avatars, factors, pictures, DEM files."
+
+
 def tour(
     folder: Annotated[
         Path, typer.Option("--out", "-o", metavar="FOLDER", help="Where pictures, project and DEM files go.")
@@ -25,7 +28,7 @@ def tour(
     workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
-    """Go the whole way on the built-in sample scan: grains, avatars, factors, pictures, DEM files."""
+    """Run ``mbstudio tour``; `HELP` says what it does."""
     from mbstudio.scene.pictures.offscreen import prepare_offscreen_rendering
 
     prepare_offscreen_rendering()

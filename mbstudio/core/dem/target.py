@@ -1,21 +1,23 @@
-"""What a DEM target is, and the registry of them: one module a target, found by its name."""
+"""What a DEM target is, and the registry of them: one module a target, found by its name.
+
+A new target is one module in :mod:`mbstudio.core.dem.formats` that ends with its ``TARGET``, and its line in
+`_MODULES`: commands, forms, previews and checks find everything else in that record.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from mbstudio.core.dem.body import DemBody
+from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.errors import ExportError
-
-if TYPE_CHECKING:
-    from mbstudio.core.dem.specimen.specimen import Specimen
+from mbstudio.core.options import Option, OptionList
 
 Progress = Callable[[float, str], None]
 Geometry = Literal["clump", "mesh", "grid", "metaball"]
@@ -25,25 +27,6 @@ _MODULES = (
     "yade.target", "yade.level_set", "pfc.target", "dem_engine.target", "comflusom", "mercury.target",
     "edem", "mechsys.target",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Option:
-    """One setting of a target: its default and what it means, for dialogs and the command line.
-
-    Attributes
-    ----------
-    default : object
-        Its type is the type of the option.
-    meaning : str
-    minimum, maximum : float or None
-        Bounds of a number, both included.
-    """
-
-    default: Any
-    meaning: str
-    minimum: float | None = None
-    maximum: float | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +89,8 @@ class Target:
     ----------
     name, title : str
         The name in the registry and the name for people.
+    geometry : {'clump', 'mesh', 'grid', 'metaball'}
+        As what a grain is handed over.
     needs_density : bool
         Whether the files state a mass.
     default_unit : str or None
@@ -120,21 +105,13 @@ class Target:
 
     name: str
     title: str
+    geometry: Geometry
     needs_density: bool
     default_unit: str | None
     write: Callable[[Job], Written]
     validate: Callable[[Path, Mapping[str, Any]], None]
     options: Mapping[str, Option] = field(default_factory=lambda: MappingProxyType({}))
     units: tuple[str, ...] = ()
-
-    @property
-    def geometry(self) -> Geometry:
-        """As what a grain is handed over, told by what can be chosen about it."""
-        if "spheres" in self.options:
-            return "clump"
-        if "padding" in self.options:
-            return "grid"
-        return "mesh" if "cells" in self.options else "metaball"
 
 
 @cache
@@ -162,40 +139,4 @@ def complete_options(target: Target, given: Mapping[str, Any]) -> dict[str, Any]
     ExportError
         If an option is unknown, of the wrong type, or out of its bounds.
     """
-    unknown = sorted(set(given) - set(target.options))
-    if unknown:
-        known = ", ".join(target.options) or "none"
-        raise ExportError(f"The target '{target.name}' has no option '{unknown[0]}'; it has: {known}.")
-    return {name: _checked(target, name, option, given.get(name)) for name, option in target.options.items()}
-
-
-def _checked(target: Target, name: str, option: Option, value: Any) -> Any:
-    if value is None:
-        return option.default
-    converted = _converted(value, type(option.default))
-    if converted is None:
-        kind = {bool: "yes or no", int: "a whole number", float: "a number"}.get(type(option.default), "text")
-        raise ExportError(f"Option '{name}' of '{target.name}' cannot be {value!r}: give {kind}.")
-    too_low = option.minimum is not None and not converted >= option.minimum
-    too_high = option.maximum is not None and not converted <= option.maximum
-    if too_low or too_high:
-        low = "" if option.minimum is None else f" from {option.minimum:g}"
-        high = "" if option.maximum is None else f" to {option.maximum:g}"
-        raise ExportError(f"Option '{name}' of '{target.name}' is {value!r}: give a number{low}{high}.")
-    return converted
-
-
-def _converted(value: Any, wanted: type) -> Any:
-    """Return a value, or text from a command line, as the wanted type; None if it is not one."""
-    if wanted is bool:
-        words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
-        return words.get(str(value).strip().lower())
-    if wanted in (int, float):
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            return None
-        if not math.isfinite(number) or (wanted is int and number != int(number)):
-            return None
-        return wanted(number)
-    return str(value)
+    return OptionList(f"target '{target.name}'", ExportError, target.options).complete(given)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
@@ -20,8 +20,17 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.hull import outermost_voxels, points_on_surface, tips_of
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.topology import genus_of_voxels
+from mbstudio.core.options import Option
 
 Cavities = Literal["fill", "keep"]
+
+CAVITIES = Option(
+    "fill",
+    "Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have them: "
+    "a void of its own for each, as far as n allows, which is then no fault.",
+    choices=get_args(Cavities),
+)
+"""What both methods can do about cavities."""
 
 PAD = 6
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less

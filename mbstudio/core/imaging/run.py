@@ -13,7 +13,6 @@ from jaxtyping import Float64
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
-from mbstudio.core.imaging.options import changed_options
 from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
 from mbstudio.core.imaging.start.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.start.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
@@ -75,6 +74,8 @@ class _Options(Protocol):
     def hull_points(self) -> int: ...
     @property
     def cavities(self) -> Cavities: ...
+
+    def list_changed(self) -> dict[str, Any]: ...
 
 
 class StepRun(ABC):
@@ -183,7 +184,7 @@ class StepRun(ABC):
             method=self.method,
             n=self.n,
             seed=self.seed,
-            options=changed_options(self.options),
+            options=self.options.list_changed(),
         )
 
     # What a method brings along.

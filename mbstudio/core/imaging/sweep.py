@@ -16,7 +16,7 @@ from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.fitting import start_fit
 from mbstudio.core.imaging.goals.likeness import Likeness
-from mbstudio.core.imaging.options import changed_options, make_options
+from mbstudio.core.imaging.options import make_options
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep
 
 UNKNOWN = float("nan")
@@ -139,7 +139,7 @@ class Sweep:
         self.latest: FitResult | None = None
         chosen = make_options(method, options)
         self._cavities = chosen.cavities
-        self._changed = changed_options(chosen)
+        self._changed = chosen.list_changed()
         self._done = {(row.label, row.n): row for row in done if self._is_as_asked(row)}
         self._grains = enumerate(grains)
         self._grain: Grain | None = None

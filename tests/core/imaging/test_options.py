@@ -11,14 +11,7 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit, start_fit
 from mbstudio.core.imaging.fast.fast import FastOptions
-from mbstudio.core.imaging.options import (
-    changed_options,
-    make_options,
-    option_notes,
-    options_kind,
-    plain_options,
-    read_options,
-)
+from mbstudio.core.imaging.options import find_options, make_options, read_options
 from mbstudio.core.imaging.paper.gradient_search import PaperOptions
 
 
@@ -65,14 +58,14 @@ def test_the_fast_method_refuses_empty_options(name: str) -> None:
 def test_an_unknown_method_is_named() -> None:
     with pytest.raises(FitError, match="'slow'"):
         read_options("slow", [])  # type: ignore[arg-type]
-    assert (options_kind("fast"), options_kind("paper")) == (FastOptions, PaperOptions)
+    assert (find_options("fast"), find_options("paper")) == (FastOptions, PaperOptions)
 
 
 def test_every_option_of_the_paper_can_be_given_as_text_and_is_documented() -> None:
     names = [field.name for field in fields(PaperOptions)]
-    assert list(plain_options("paper")) == names
-    notes = option_notes("paper")
-    assert sorted(notes) == sorted(names)
+    known = find_options("paper").list_options().options
+    assert list(known) == names
+    notes = {name: option.meaning for name, option in known.items()}
     documented = inspect.getdoc(PaperOptions) or ""
     for name, note in notes.items():
         assert len(note) > 5, name
@@ -82,7 +75,7 @@ def test_every_option_of_the_paper_can_be_given_as_text_and_is_documented() -> N
 
 
 def test_a_result_tells_the_options_it_was_made_with(ellipsoid_grain: Grain) -> None:
-    assert changed_options(PaperOptions(momentum=0.5, hull="surface")) == {"momentum": 0.5}
+    assert PaperOptions(momentum=0.5, hull="surface").list_changed() == {"momentum": 0.5}
     given = {"generations": 3, "hull_points": 500, "clustering": "letter"}
     result = fit(ellipsoid_grain, 3, "paper", **given)
     assert result.options == {"generations": 3, "hull_points": 500}  # 'letter' is the default

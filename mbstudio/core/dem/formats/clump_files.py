@@ -15,8 +15,9 @@ from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.dem.shapes.clump_target import ClumpTarget, clump_for_target
-from mbstudio.core.dem.target import Job, Option
+from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
+from mbstudio.core.options import Option
 
 CLUMP_TARGET = "clump_target"
 POURED = Option(10, "particles that the example deck pours", 1, 100000)

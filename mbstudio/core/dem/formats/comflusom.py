@@ -21,10 +21,11 @@ from jaxtyping import Bool
 
 from mbstudio.core.dem.formats.metaball import check_body, read_table, write_table
 from mbstudio.core.dem.reading_back import read_text
-from mbstudio.core.dem.target import Job, Option, Target, Written
+from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import AvatarError, ExportError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.sphere_directions import half_sphere
+from mbstudio.core.options import Option
 
 _CALLS = "add_metaballs.h"
 _ENOUGH = 1e-12
@@ -153,6 +154,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="comflusom",
     title="ComFluSoM metaballs",
+    geometry="metaball",
     needs_density=False,
     default_unit="mm",
     write=write,

@@ -155,6 +155,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="edem",
     title="EDEM sphere tables",
+    geometry="clump",
     needs_density=False,
     default_unit="m",
     write=write,

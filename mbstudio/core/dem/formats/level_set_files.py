@@ -18,8 +18,9 @@ import numpy as np
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.shapes.level_set import LevelSet, check_level_set, level_set
 from mbstudio.core.dem.shapes.remesh import well_shaped_mesh
-from mbstudio.core.dem.target import Job, Option, Written
+from mbstudio.core.dem.target import Job, Written
 from mbstudio.core.errors import ExportError
+from mbstudio.core.options import Option
 from mbstudio.core.units import METRES_PER_UNIT
 
 OPTIONS = MappingProxyType(

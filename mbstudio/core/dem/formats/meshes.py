@@ -13,9 +13,10 @@ import numpy as np
 from mbstudio.core.dem.formats.shape_checks import MESH_SCRIPT, check_script, write_script
 from mbstudio.core.dem.shapes.mesh_target import FEWEST_CELLS, MOST_CELLS, mesh_of
 from mbstudio.core.dem.shapes.remesh import angles_of
-from mbstudio.core.dem.target import Job, Option, Written
+from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metrics.mass import volume_integrals
+from mbstudio.core.options import Option
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,6 +27,8 @@ ERROR = Option(
     f"{MOST_CELLS}; 0: as many as 'cells' says",
     0.0,
     20.0,
+    unit="% of Dₙ",
+    step=0.1,
 )
 OPTIONS = MappingProxyType(
     {
@@ -42,14 +45,46 @@ ACCEPTED_ANGLE = 1.0
 """Engines refuse slivers; LIGGGHTS draws the line at 0.256 degrees."""
 
 
-def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Path], None]) -> Written:
+WriteMesh = Callable[["trimesh.Trimesh", Path, Mapping[str, Any]], None]
+
+
+def mesh_target(suffix: str, write_one: WriteMesh, further: Mapping[str, Option] | None = None) -> Target:
+    """Return the target of a mesh format: one file a body, and a script that checks them all.
+
+    Parameters
+    ----------
+    suffix : str
+        Of the files; also the target's name.
+    write_one : callable(mesh, path, options)
+        Writes one mesh.
+    further : mapping of str to Option, optional
+        Options beside those of every mesh.
+    """
+
+    def write(job: Job) -> Written:
+        written = write_meshes(job, suffix, write_one)
+        return Written(written.item_files, written.item_details, (write_script(job.folder, MESH_SCRIPT),))
+
+    return Target(
+        name=suffix,
+        title=f"{suffix.upper()} meshes",
+        geometry="mesh",
+        needs_density=False,
+        default_unit="m",
+        write=write,
+        validate=validate_meshes,
+        options=MappingProxyType({**OPTIONS, **(further or {})}),
+    )
+
+
+def write_meshes(job: Job, suffix: str, write_one: WriteMesh) -> Written:
     """Write one mesh file a body and describe it; no example beside them."""
     files, details = [], []
     for index, body in enumerate(job.bodies):
         tell = partial(_tell, job, index / len(job.bodies), body.name)
         made = mesh_of(body, int(job.options["cells"]), job.options["error"] / 100, tell)
         name = f"{body.name}.{suffix}"
-        write_one(made.mesh, job.folder / name)
+        write_one(made.mesh, job.folder / name, job.options)
         files.append((name,))
         details.append({**describe_mesh(made.mesh), "cells": made.cells, "hausdorff_over_Dn": made.error})
         if made.warning:
@@ -59,14 +94,6 @@ def write_meshes(job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Pa
 
 def _tell(job: Job, fraction: float, name: str, cells: int) -> None:
     job.progress(fraction, f"Meshing {name}, {cells} cells across")
-
-
-def write_checked_meshes(
-    job: Job, suffix: str, write_one: Callable[[trimesh.Trimesh, Path], None]
-) -> Written:
-    """Write one mesh file a body, and a script that loads them all and compares them with the manifest."""
-    written = write_meshes(job, suffix, write_one)
-    return Written(written.item_files, written.item_details, (write_script(job.folder, MESH_SCRIPT),))
 
 
 def describe_mesh(mesh: trimesh.Trimesh) -> dict[str, Any]:

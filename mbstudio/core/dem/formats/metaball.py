@@ -173,6 +173,7 @@ def check_body(path: Path, avatar: Avatar, item: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="metaball",
     title="Metaball control points (CSV and JSON)",
+    geometry="metaball",
     needs_density=False,
     default_unit=None,
     write=write,

@@ -141,6 +141,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="peclet",
     title="peclet-dem level sets",
+    geometry="grid",
     needs_density=True,
     default_unit="mm",
     write=write,

@@ -6,23 +6,21 @@ of neighbouring triangles are written from the same numbers so that readers merg
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstudio.core.dem.formats.meshes import OPTIONS, validate_meshes, write_checked_meshes
-from mbstudio.core.dem.target import Job, Option, Target, Written
+from mbstudio.core.dem.formats.meshes import mesh_target
+from mbstudio.core.options import Option
 
 if TYPE_CHECKING:
     import trimesh
 
 
-def write(job: Job) -> Written:
-    """Write one ``<name>.stl`` a body."""
-    write_one = _write_binary if job.options["binary"] else _write_text
-    return write_checked_meshes(job, "stl", write_one)
+def _write_one(mesh: trimesh.Trimesh, path: Path, options: Mapping[str, Any]) -> None:
+    (_write_binary if options["binary"] else _write_text)(mesh, path)
 
 
 def _write_text(mesh: trimesh.Trimesh, path: Path) -> None:
@@ -45,14 +43,5 @@ def _write_binary(mesh: trimesh.Trimesh, path: Path) -> None:
     path.write_bytes(export_stl(mesh))
 
 
-TARGET = Target(
-    name="stl",
-    title="STL meshes",
-    needs_density=False,
-    default_unit="m",
-    write=write,
-    validate=validate_meshes,
-    options=MappingProxyType(
-        {**OPTIONS, "binary": Option(False, "the smaller binary form, which some engines do not read")}
-    ),
-)
+_BINARY = Option(False, "the smaller binary form, which some engines do not read")
+TARGET = mesh_target("stl", _write_one, {"binary": _BINARY})

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.dem.body import DemBody
+from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.placing import lattice, random_quaternions
-from mbstudio.core.dem.specimen.specimen import Specimen
 from mbstudio.core.units import METRES_PER_UNIT
 
 GRAVITY = 9.81

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.reading_back import number_rows, read_text
-from mbstudio.core.dem.specimen.specimen import Specimen, SpecimenPlan
+from mbstudio.core.dem.specimen.specimen import SpecimenPlan
 from mbstudio.core.errors import ExportError
 
 FILE_NAME = "specimen.csv"

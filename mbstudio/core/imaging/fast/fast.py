@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import get_args
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
@@ -20,7 +20,7 @@ from mbstudio.core.imaging.fast.guard import (
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.fast.relocation import relocate
 from mbstudio.core.imaging.loss import mean_loss
-from mbstudio.core.imaging.preprocess import Cavities
+from mbstudio.core.imaging.preprocess import CAVITIES
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints, clustered
 from mbstudio.core.imaging.start.control_points import control_of_spheres
 from mbstudio.core.imaging.start.sphere_clustering import Sphere
@@ -29,41 +29,22 @@ from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
+from mbstudio.core.options import OptionRecord, option
 
 
 @dataclass(frozen=True)
-class FastOptions:
-    """Options of ``method='fast'``.
+class FastOptions(OptionRecord, owner="method 'fast'", error=FitError):
+    """Options of ``method='fast'``; `refine` holds the constants of its search."""
 
-    Attributes
-    ----------
-    generations : int
-        Steps of the search at most, before the guard; 10 are enough for a preview.
-    working_side : int
-        Longest side of the working grid; larger grains are averaged in blocks.
-    hull_points : int
-        Points on the surface at most.
-    cavities : {'fill', 'keep'}
-        Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have
-        them: a void of its own for each, as far as n allows, which is then no fault.
-    refine : RefineSettings
-        Constants of the search.
-    """
-
-    generations: int = 60
-    working_side: int = 120
-    hull_points: int = 24_000
-    cavities: Cavities = "fill"
+    generations: int = option(
+        60, "Steps of the search at most, before the guard; 10 are enough for a preview.", minimum=1
+    )
+    working_side: int = option(
+        120, "Longest side of the working grid; larger grains are averaged in blocks.", minimum=4
+    )
+    hull_points: int = option(24_000, "Points on the surface at most.", minimum=10)
+    cavities: Literal["fill", "keep"] = option(CAVITIES.default, CAVITIES.meaning, choices=CAVITIES.choices)
     refine: RefineSettings = field(default_factory=RefineSettings)
-
-    def __post_init__(self) -> None:
-        for name, least in (("generations", 1), ("working_side", 4), ("hull_points", 10)):
-            if getattr(self, name) < least:
-                raise FitError(
-                    f"{name} = {getattr(self, name)} does not suit method 'fast': give {least} or more."
-                )
-        if self.cavities not in get_args(Cavities):
-            raise FitError(f"cavities='{self.cavities}' is not known: use 'fill' or 'keep'.")
 
 
 # RMS distance (working lengths) plus relative volume error with which the fall-backs are content.

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.options import OptionRecord, option
 from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.models.features import Scaler, character
 from mbstudio.core.vae.models.joining import held_together
@@ -28,56 +29,22 @@ HIDDEN = (256, 256)
 
 
 @dataclass(frozen=True)
-class AlignedOptions:
-    """Options of preset `aligned`.
+class AlignedOptions(OptionRecord, owner="preset 'aligned'", error=StyleError):
+    """Options of preset `aligned`."""
 
-    Attributes
-    ----------
-    latents : int
-        Of the model proper.
-    details : int
-        Principal components of what the model leaves of its parents; 0 for none.
-    steps : int
-        Of the optimizer; 0 chooses 4000, or 2000 for fewer than 100 parents.
-    batch : int
-        Avatars in a step.
-    rate : float
-        Highest learning rate.
-    kl_weight : float
-        Weight beta of the distribution item when the annealer has done its work.
-    annealed : float
-        Share of the steps over which the annealer rises.
-    held_out : float
-        Share of the parents held out for the validation error.
-    record_every : int
-        Steps between two records.
-
-    Raises
-    ------
-    StyleError
-        If a number is out of its range.
-    """
-
-    latents: int = 64
-    details: int = 128
-    steps: int = 0
-    batch: int = 64
-    rate: float = 1e-3
-    kl_weight: float = 0.1
-    annealed: float = 0.4
-    held_out: float = 0.1
-    record_every: int = 50
-
-    def __post_init__(self) -> None:
-        least = {"latents": 1, "details": 0, "steps": 0, "batch": 1, "record_every": 1}
-        for name, value in least.items():
-            if getattr(self, name) < value:
-                raise StyleError(f"{name} = {getattr(self, name)} is too small: give {value} or more.")
-        if not (self.rate > 0 and self.kl_weight >= 0 and 0 <= self.annealed <= 1):
-            raise StyleError(
-                f"rate = {self.rate:g}, kl_weight = {self.kl_weight:g}, annealed = {self.annealed:g}: the "
-                "rate must be positive, the weight not negative, and the share between 0 and 1."
-            )
+    latents: int = option(64, "Of the model proper.", minimum=1)
+    details: int = option(
+        128, "Principal components of what the model leaves of its parents; 0 for none.", minimum=0
+    )
+    steps: int = option(0, "Of the optimizer; 0 chooses 4000, or 2000 for fewer than 100 parents.", minimum=0)
+    batch: int = option(64, "Avatars in a step.", minimum=1)
+    rate: float = option(1e-3, "Highest learning rate.", above=0)
+    kl_weight: float = option(
+        0.1, "Weight beta of the distribution item when the annealer has done its work.", minimum=0
+    )
+    annealed: float = option(0.4, "Share of the steps over which the annealer rises.", minimum=0, maximum=1)
+    held_out: float = option(0.1, "Share of the parents held out for the validation error.")
+    record_every: int = option(50, "Steps between two records.", minimum=1)
 
 
 def input_table() -> tuple[Int[np.ndarray, "8 145"], Float64[np.ndarray, "8 145"]]:

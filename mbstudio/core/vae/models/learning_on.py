@@ -13,7 +13,7 @@ from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.radii import surface_rms
 from mbstudio.core.vae.models.shape_model import model_kind
 from mbstudio.core.vae.models.style_learner import StyleLearner
-from mbstudio.core.vae.models.training import StyleTraining, chosen_device, make_options
+from mbstudio.core.vae.models.training import StyleTraining, chosen_device
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -55,7 +55,7 @@ class LearningOn(StyleTraining):
         model.scaler.check(new)
         kind = model_kind(learner.preset)
         given = learner.card.settings | _SHORT[learner.preset] | options
-        record = make_options(kind.options, given)
+        record = kind.options.make(given)
         if learner.preset == "aligned":
             record = replace(record, latents=learner.core)
         parents = joined(learner.parents, new)

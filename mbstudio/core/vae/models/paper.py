@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.options import OptionRecord, option
 from mbstudio.core.threads import one_thread
 from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.features import Scaler, clone_names
@@ -29,55 +30,36 @@ EXPECTATION = (
 
 
 @dataclass(frozen=True)
-class PaperOptions:
-    """Options of preset `paper`.
+class PaperOptions(OptionRecord, owner="preset 'paper'", error=StyleError):
+    """Options of preset `paper`."""
 
-    Attributes
-    ----------
-    length_unit : float
-        What the parents' mean nominal diameter is in the numbers of the loss (1: D_n; 100: about voxels;
-        10,000: micrometres). The reconstruction item is a mean of squared lengths and k's, the distribution
-        item a sum of pure numbers: the unit decides on their balance, and the paper does not state it.
-    steps, batch : int
-        Of Adam; the paper plots 20,000 and goes on, and gives no batch.
-    rate : float
-        Learning rate eta.
-    rotations, shuffles : int
-        Augmentation: random rotations beside the original, and random orders of the control points of
-        each. 0 rotations choose 9 for 100 parents or more and 5 for fewer (145,000 and 6,000 in all).
-    annealed : float
-        Share of the steps over which the distribution item's weight rises from 0 to 1.
-    held_out : float
-        Share of the parents held out for the validation error.
-    record_every : int
-        Steps between two records.
-
-    Raises
-    ------
-    StyleError
-        If a number is out of its range.
-    """
-
-    length_unit: float = 1.0
-    steps: int = 20000
-    batch: int = 64
-    rate: float = 1e-4
-    rotations: int = 0
-    shuffles: int = 50
-    annealed: float = 0.4
-    held_out: float = 0.1
-    record_every: int = 200
-
-    def __post_init__(self) -> None:
-        least = {"steps": 1, "batch": 1, "rotations": 0, "shuffles": 1, "record_every": 1}
-        for name, value in least.items():
-            if getattr(self, name) < value:
-                raise StyleError(f"{name} = {getattr(self, name)} is too small: give {value} or more.")
-        if not (self.rate > 0 and self.length_unit > 0 and 0 <= self.annealed <= 1):
-            raise StyleError(
-                f"rate = {self.rate:g}, length_unit = {self.length_unit:g}, annealed = {self.annealed:g}: "
-                "rate and unit must be positive and the share between 0 and 1."
-            )
+    length_unit: float = option(
+        1.0,
+        "What the parents' mean nominal diameter is in the numbers of the loss (1: D_n; 100: about voxels; "
+        "10,000: micrometres). The reconstruction item is a mean of squared lengths and k's, the "
+        "distribution item a sum of pure numbers: the unit decides on their balance, and the paper does not "
+        "state it.",
+        above=0,
+    )
+    steps: int = option(20000, "Of Adam; the paper plots 20,000 and goes on.", minimum=1)
+    batch: int = option(64, "Of Adam; the paper gives none.", minimum=1)
+    rate: float = option(1e-4, "Learning rate eta.", above=0)
+    rotations: int = option(
+        0,
+        "Augmentation: random rotations beside the original. 0 chooses 9 for 100 parents or more and 5 for "
+        "fewer (145,000 and 6,000 avatars in all).",
+        minimum=0,
+    )
+    shuffles: int = option(
+        50, "Augmentation: random orders of the control points of each rotation.", minimum=1
+    )
+    annealed: float = option(
+        0.4,
+        "Share of the steps over which the distribution item's weight rises from 0 to 1.",
+        minimum=0, maximum=1,
+    )  # fmt: skip
+    held_out: float = option(0.1, "Share of the parents held out for the validation error.")
+    record_every: int = option(200, "Steps between two records.", minimum=1)
 
 
 @dataclass(frozen=True, eq=False)

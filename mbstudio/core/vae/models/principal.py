@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.options import OptionRecord, option
 from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.models.features import Scaler, character, parity_parts
 from mbstudio.core.vae.models.joining import held_together
@@ -25,28 +26,14 @@ _NO_VARIANCE = 1e-10
 
 
 @dataclass(frozen=True)
-class PrincipalOptions:
-    """Options of preset `pca`.
+class PrincipalOptions(OptionRecord, owner="preset 'pca'", error=StyleError):
+    """Options of preset `pca`."""
 
-    Attributes
-    ----------
-    latents : int
-        Principal components at most.
-    held_out : float
-        Share of the parents by which the error is measured; the model is then made of all of them.
-
-    Raises
-    ------
-    StyleError
-        If latents is not positive.
-    """
-
-    latents: int = LATENTS
-    held_out: float = 0.1
-
-    def __post_init__(self) -> None:
-        if self.latents < 1:
-            raise StyleError(f"{self.latents} latents cannot hold a shape: give 1 or more.")
+    latents: int = option(LATENTS, "Principal components at most.", minimum=1)
+    held_out: float = option(
+        0.1,
+        "Share of the parents by which the error is measured; the model is then made of all of them.",
+    )
 
 
 @dataclass(frozen=True, eq=False)

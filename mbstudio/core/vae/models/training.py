@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -98,7 +97,7 @@ class StyleTraining:
         **options: Any,
     ) -> None:
         kind = model_kind(preset)
-        record = make_options(kind.options, options)
+        record = kind.options.make(options)
         data = TrainingData.of(parents, record.held_out, seed)
         self._begin(preset, seed, data, kind.trainer(data, record, seed, chosen_device(device)), options)
         self._checkpoint = None if checkpoint is None else Path(checkpoint)
@@ -254,21 +253,6 @@ def learn(
 ) -> StyleLearner:
     """Return a style-learner trained on parents; arguments and errors of :class:`StyleTraining`."""
     return StyleTraining(parents, preset, seed=seed, **options).run()
-
-
-def make_options(kind: type[Any], given: dict[str, Any]) -> Any:
-    """Return the options record of a preset with these given.
-
-    Raises
-    ------
-    StyleError
-        If the preset has no such option or a value does not suit it.
-    """
-    known = [entry.name for entry in fields(kind)]
-    for name in given:
-        if name not in known:
-            raise StyleError(f"This preset has no option '{name}': it has {', '.join(known)}.")
-    return kind(**given)
 
 
 def chosen_device(device: str) -> str:

@@ -10,8 +10,9 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.dem.body import DemBody, prepare_bodies
+from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.preview import ExportPreview, preview
-from mbstudio.core.dem.specimen.specimen import Specimen, SpecimenKinds, SpecimenPlan, specimen_of
+from mbstudio.core.dem.specimen.specimen import SpecimenKinds, SpecimenPlan, specimen_of
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.populations.sieving import SizeDistribution

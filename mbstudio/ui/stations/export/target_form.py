@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QSpinBox, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QSpinBox, QVBoxLayout, QWidget
 
 from mbstudio.core.dem.formats.clump_files import CLUMP_TARGET
 from mbstudio.core.dem.shapes.clump_target import MOST_SPHERES
-from mbstudio.core.dem.target import Option, Target
+from mbstudio.core.dem.target import Target
+from mbstudio.core.options import Option
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import empty, row
+from mbstudio.ui.widgets.option_fields import make_field, option_title, read_value
 
 # Measure, name, first value, greatest value, step, decimals; values of errors in percent.
 _AIMS = (
@@ -29,18 +31,6 @@ _TIPS = {
     "hausdorff": mark("Largest distance of both surfaces over Dₙ; as few spheres as will do"),
     "volume": mark("Error of the clump's volume; as few spheres as will do"),
     "inertia": mark("Error of the clump's inertia tensor; as few spheres as will do"),
-}
-_TITLES = {
-    "poured": mark("Grains in the example"),
-    "classes": mark("Sizes in a specimen"),
-    "ntry": mark("Monte Carlo points"),
-    "cells": mark("Cells across"),
-    "error": mark("Error at most"),
-    "padding": mark("Cells around"),
-    "shell": mark("Contact mesh, cells"),
-    "nodes": mark("Surface nodes"),
-    "binary": mark("Binary files"),
-    "scaled": mark("Scaled to suit"),
 }
 
 
@@ -159,16 +149,10 @@ class TargetForm(QWidget):
                 self.clumps.changed.connect(self.changed)
                 self._layout.addWidget(self.clumps)
             elif name != CLUMP_TARGET:
-                field = _field(option)
-                _when_changed(field, self.changed)
-                self.fields[name] = field
-                title = tr(_TITLES[name]) if name in _TITLES else name.capitalize()
-                self._layout.addWidget(row(title, field, option.meaning))
+                field = self.fields[name] = make_field(option, self.changed.emit)
+                self._layout.addWidget(row(option_title(name), field, option.meaning))
         cells, error = self.fields.get("cells"), self.fields.get("error")
         if isinstance(error, QDoubleSpinBox) and cells is not None:
-            error.setDecimals(2)
-            error.setSingleStep(0.1)
-            error.setSuffix(tr(" % of Dₙ"))
             error.setSpecialValueText(tr("any: by cells"))
             error.valueChanged.connect(lambda value: cells.setEnabled(value == 0))
         self.setVisible(bool(target.options))
@@ -176,7 +160,7 @@ class TargetForm(QWidget):
     @property
     def values(self) -> dict[str, Any]:
         """A value for every option of the target."""
-        given = {name: _value(field) for name, field in self.fields.items()}
+        given = {name: read_value(field) for name, field in self.fields.items()}
         return given if self.clumps is None else {**self.clumps.values, **given}
 
     def _chosen_clumps(self) -> Mapping[str, Any]:
@@ -193,50 +177,3 @@ class TargetForm(QWidget):
         clumps.aim_at(chosen["by"], chosen["limit"] if chosen["by"] else None)
         clumps.number.setValue(chosen["number"])
         clumps.most.setValue(chosen["most"])
-
-
-def _field(option: Option) -> QWidget:
-    """Return the field that can hold an option and nothing it refuses."""
-    default = option.default
-    if isinstance(default, bool):
-        box = QCheckBox()
-        box.setChecked(default)
-        return box
-    if isinstance(default, int):
-        whole = QSpinBox()
-        low = 0 if option.minimum is None else option.minimum
-        whole.setRange(int(low), int(10_000_000 if option.maximum is None else option.maximum))
-        whole.setValue(default)
-        whole.setKeyboardTracking(False)
-        return whole
-    if isinstance(default, float):
-        real = QDoubleSpinBox()
-        real.setDecimals(4)
-        real.setRange(
-            -1e9 if option.minimum is None else option.minimum,
-            1e9 if option.maximum is None else option.maximum,
-        )
-        real.setValue(default)
-        real.setKeyboardTracking(False)
-        return real
-    line = QLineEdit(str(default))
-    line.setMaximumWidth(120)
-    return line
-
-
-def _when_changed(field: QWidget, tell: Any) -> None:
-    if isinstance(field, QCheckBox):
-        field.toggled.connect(lambda _: tell.emit())
-    elif isinstance(field, QSpinBox | QDoubleSpinBox):
-        field.valueChanged.connect(lambda _: tell.emit())
-    elif isinstance(field, QLineEdit):
-        field.editingFinished.connect(tell)
-
-
-def _value(field: QWidget) -> Any:
-    if isinstance(field, QCheckBox):
-        return field.isChecked()
-    if isinstance(field, QSpinBox | QDoubleSpinBox):
-        return field.value()
-    assert isinstance(field, QLineEdit)
-    return field.text()

@@ -102,6 +102,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="dem-engine",
     title="Chrono DEM-Engine clumps",
+    geometry="clump",
     needs_density=True,
     default_unit="m",
     write=write,

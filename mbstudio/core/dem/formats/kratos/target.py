@@ -126,6 +126,7 @@ def _parse(path: Path) -> dict[str, list[str]]:
 TARGET = Target(
     name="kratos",
     title="Kratos DEM clusters",
+    geometry="clump",
     needs_density=True,
     default_unit="m",
     write=write,

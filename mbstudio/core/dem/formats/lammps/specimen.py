@@ -16,11 +16,11 @@ import numpy as np
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.formats.lammps.deck import closing, opening
 from mbstudio.core.dem.manifest import check_moments
+from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.placing import rotations_of
 from mbstudio.core.dem.specimen.settling import specimen_box, spring_contact
-from mbstudio.core.dem.specimen.specimen import Specimen
 from mbstudio.core.errors import ExportError
 
 DECK_NAME, DATA_NAME, BODIES_NAME = "in.specimen", "specimen.data", "specimen.bodies"

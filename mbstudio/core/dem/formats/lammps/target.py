@@ -164,6 +164,7 @@ def _parse(path: Path) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
 TARGET = Target(
     name="lammps",
     title="LAMMPS rigid molecules",
+    geometry="clump",
     needs_density=True,
     default_unit="m",
     write=write,

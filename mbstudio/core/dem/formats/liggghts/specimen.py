@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.dem.formats.liggghts.deck import closing, opening, prime_above, template_command
+from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.reading_back import read_lines
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.settling import specimen_box
-from mbstudio.core.dem.specimen.specimen import Specimen, in_classes
+from mbstudio.core.dem.specimen.specimen import in_classes
 from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
 from mbstudio.core.units import METRES_PER_UNIT

@@ -31,8 +31,9 @@ from mbstudio.core.dem.formats.liggghts.deck import DECK_NAME, settling_deck, te
 from mbstudio.core.dem.formats.liggghts.specimen import check_specimen_deck, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import agrees, number_rows, read_lines, read_text
-from mbstudio.core.dem.target import Job, Option, Target, Written
+from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
+from mbstudio.core.options import Option
 from mbstudio.core.units import METRES_PER_UNIT
 
 
@@ -142,6 +143,7 @@ def _parse_template(path: Path, words: list[str]) -> dict[str, list[str]]:
 TARGET = Target(
     name="liggghts",
     title="LIGGGHTS multisphere templates",
+    geometry="clump",
     needs_density=True,
     default_unit="m",
     write=write,

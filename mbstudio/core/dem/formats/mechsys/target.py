@@ -24,8 +24,9 @@ from mbstudio.core.dem.formats.clump_files import POURED
 from mbstudio.core.dem.formats.mechsys.deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.formats.meshes import ERROR, check_mesh, write_meshes
 from mbstudio.core.dem.reading_back import read_text
-from mbstudio.core.dem.target import Job, Option, Target, Written
+from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
+from mbstudio.core.options import Option
 
 if TYPE_CHECKING:
     import trimesh
@@ -44,7 +45,7 @@ def _reach_of(path: Path) -> float:
     return float(np.linalg.norm([entry["c"] for entry in record["verts"]], axis=1).max())
 
 
-def _write_polyhedron(mesh: trimesh.Trimesh, path: Path) -> None:
+def _write_polyhedron(mesh: trimesh.Trimesh, path: Path, _options: Mapping[str, Any]) -> None:
     record = {
         "verts": [{"c": [float(value) for value in vertex]} for vertex in np.asarray(mesh.vertices)],
         "edges": [{"verts": [int(i), int(j)]} for i, j in np.asarray(mesh.edges_unique)],
@@ -90,6 +91,7 @@ def _check_polyhedron(path: Path, item: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="mechsys",
     title="MechSys polyhedra",
+    geometry="mesh",
     needs_density=False,
     default_unit=None,
     write=write,

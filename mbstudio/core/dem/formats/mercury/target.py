@@ -100,6 +100,7 @@ def _words_wanted(matrix: np.ndarray) -> list[float]:
 TARGET = Target(
     name="mercury",
     title="MercuryDPM clumps",
+    geometry="clump",
     needs_density=True,
     default_unit="m",
     write=write,

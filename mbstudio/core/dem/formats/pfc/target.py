@@ -97,6 +97,7 @@ def _check_template(path: Path, item: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="pfc",
     title="PFC clump templates",
+    geometry="clump",
     needs_density=False,
     default_unit="m",
     write=write,

@@ -16,7 +16,8 @@ from mbstudio.core.dem.formats.clump_files import POURED
 from mbstudio.core.dem.formats.level_set_files import OPTIONS, check_level_set_file, write_level_sets
 from mbstudio.core.dem.formats.yade.script import SCRIPT_NAME, check_kinds, settling_script
 from mbstudio.core.dem.formats.yade.target import kinds_of
-from mbstudio.core.dem.target import Job, Option, Target, Written
+from mbstudio.core.dem.target import Job, Target, Written
+from mbstudio.core.options import Option
 
 _LOADER = '''
 def make(kind, position, orientation):
@@ -66,6 +67,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="yade-level-set",
     title="Yade level sets",
+    geometry="grid",
     needs_density=True,
     default_unit="m",
     write=write,

@@ -99,6 +99,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 TARGET = Target(
     name="yade",
     title="Yade clumps",
+    geometry="clump",
     needs_density=True,
     default_unit="m",
     write=write,
