@@ -25,8 +25,8 @@ from mbstudio.core.metrics.star_factors import STAR_FACTORS, star_factors
 from mbstudio.core.vae.models.radii import log_radii
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import learn
-from mbstudio.core.vae.shaping.latent import added, morphed, noisy
-from mbstudio.core.vae.shaping.meaning import Meanings
+from mbstudio.core.vae.shaping.latent import morphed, noisy
+from mbstudio.core.vae.shaping.meaning import Meanings, added
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
 BASES, SUMS, DESIGNS = 20, 60, 60

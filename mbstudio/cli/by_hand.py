@@ -123,7 +123,7 @@ class ByHand:
 
     def added(self, base: str, plus: str, minus: str, strength: float) -> np.ndarray:
         """Return a grain with what makes one differ from another."""
-        from mbstudio.core.vae.shaping.latent import added
+        from mbstudio.core.vae.shaping.meaning import added
 
         third, first, second = (self.latent(name) for name in (base, plus, minus))
         return added(self.learner, third, first, second, strength, meanings=self.meanings)[None]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 import warnings
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +13,7 @@ from mbstudio.cli import console, inputs
 from mbstudio.cli.fit import INTERRUPTED, terminate_as_interrupt
 from mbstudio.cli.measure import GrainsOption, LimitOption, chosen_grains
 from mbstudio.core.errors import MbstudioError, SerializationError, StyleError
+from mbstudio.core.vae.models.presets import PRESETS, find_preset
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.models.style_learner import StyleLearner
@@ -21,12 +21,10 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
 
-class Preset(StrEnum):
-    """Presets of the style-learner, by their names in ``mbstudio.core.vae``."""
-
-    ALIGNED = "aligned"
-    PAPER = "paper"
-    PCA = "pca"
+def _known_preset(name: str) -> str:
+    if name not in PRESETS:
+        raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, PRESETS))}.")
+    return name
 
 
 HELP = """Learn the style of grains: the shape and size that new ones are to have.
@@ -48,9 +46,14 @@ def learn(
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the style-learner goes.")
     ],
     preset: Annotated[
-        Preset,
-        typer.Option("--preset", help="'pca' is the linear baseline, 'paper' the paper's text."),
-    ] = Preset.ALIGNED,
+        str,
+        typer.Option(
+            "--preset",
+            metavar=f"[{'|'.join(PRESETS)}]",
+            callback=_known_preset,
+            help="'pca' is the linear baseline, 'paper' the paper's text.",
+        ),
+    ] = PRESETS[0],
     n: Annotated[int, typer.Option("-n", "--n", help="Control points of each avatar.")] = 40,
     on: Annotated[
         Path | None,
@@ -78,8 +81,9 @@ def learn(
     options: dict[str, Any] = {}
     known = None if on is None else load_style_learner(on)
     if steps is not None:
-        if (preset.value if known is None else known.preset) == Preset.PCA:
-            raise StyleError("--steps has no meaning for preset 'pca': it is found at once.")
+        chosen = find_preset(preset if known is None else known.preset)
+        if not chosen.in_steps:
+            raise StyleError(f"--steps has no meaning for preset '{chosen.name}': it is found at once.")
         options["steps"] = steps
     template = None if known is None else known.template
     parents = _parents(
@@ -87,7 +91,7 @@ def learn(
     )
     training: StyleTraining
     if known is None:
-        training = StyleTraining(parents, preset.value, seed=seed, **options)
+        training = StyleTraining(parents, preset, seed=seed, **options)
     else:
         training = learn_on(known, parents, seed=seed, **options)
     learner, interrupted = _trained(training)

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
     from mbstudio.core.metrics.bodies import VoxelSurface
     from mbstudio.core.metrics.measuring import AxisConvention
-    from mbstudio.core.populations import Population, ProjectPopulations
+    from mbstudio.core.populations import Population
     from mbstudio.core.project import Project
+    from mbstudio.core.project.measuring import ProjectPopulations
 
 Row = dict[str, Any]
 
@@ -30,7 +31,7 @@ def measure_grains(
     workers: int | None = None,
 ) -> ProjectPopulations:
     """Measure grains and their avatars, showing how far it has come."""
-    from mbstudio.core.populations import measure_project
+    from mbstudio.core.project.measuring import measure_project
 
     with console.progress("Measuring") as report:
         return measure_project(

@@ -33,6 +33,7 @@ from mbstudio.core.metrics.bodies import UNITLESS
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations.sieving import SERIES_NAMES
 from mbstudio.core.vae.generate.generator import generate
+from mbstudio.core.vae.models.presets import PRESETS, find_preset
 
 BRACKETED = re.compile(r"⟦[^⟦⟧]*⟧")
 WORD = re.compile(r"[^\W\d_²³]{3,}")
@@ -92,10 +93,12 @@ def keys_of(window):
 
 
 def words_of_the_library():
-    """Return what the library calls factors, sieves, targets and their options: its words are English."""
+    """Return what the library calls factors, sieves, presets, targets and their options, in English."""
     units = (UNITLESS, "um", "mm", "m")
     found = {name.heading(unit) for name in FACTOR_NAMES.values() for unit in units}
     found |= {name.title for name in FACTOR_NAMES.values()} | set(SERIES_NAMES.values())
+    for preset in map(find_preset, PRESETS):
+        found |= {preset.title, preset.summary}
     for target in targets().values():
         found |= {target.title, *(option.meaning for option in target.options.values())}
     return found

@@ -13,6 +13,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 _LENGTH = struct.Struct("<Q")
+_ROOT = str(Path(__file__).resolve().parents[3])
+"""Folder that holds this very package ``mbstudio``."""
 
 
 def child_command(module: str) -> list[str]:
@@ -22,10 +24,7 @@ def child_command(module: str) -> list[str]:
 
 def child_environment(**variables: str) -> dict[str, str]:
     """Return an environment in which a child finds this same mbstudio, installed or not."""
-    import mbstudio
-
-    root = str(Path(mbstudio.__file__).resolve().parent.parent)
-    paths = os.pathsep.join(path for path in (root, os.environ.get("PYTHONPATH", "")) if path)
+    paths = os.pathsep.join(path for path in (_ROOT, os.environ.get("PYTHONPATH", "")) if path)
     return {**os.environ, **variables, "PYTHONPATH": paths}
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from mbstudio.core.dem.body import DemBody, is_finite
 from mbstudio.core.errors import ExportError
 from mbstudio.core.units import METRES_PER_UNIT
+from mbstudio.core.version import __version__
 
 FILE_NAME = "manifest.json"
 FORMAT = "mbstudio-export"
@@ -49,8 +50,6 @@ def make_manifest(
     folder: Path,
 ) -> dict[str, Any]:
     """Return the whole manifest of the files that lie in `folder`."""
-    from mbstudio import __version__
-
     names = [name for item in items for name in item["files"]] + list(shared_files)
     return {
         "format": FORMAT,

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from mbstudio.core.grains.grain import Grain
     from mbstudio.core.metaball.avatar import Avatar
-    from mbstudio.core.project import Project
 
     Body = Grain | Avatar | trimesh.Trimesh
 
@@ -41,18 +40,22 @@ FEWEST_FOR_PROCESSES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class ProjectPopulations:
-    """The grains of a project and, of those that have one, their avatars.
+class Bodies:
+    """A population before it is measured.
 
     Attributes
     ----------
-    grains : Population
-    avatars : Population or None
-        By the labels of their grains; None if no chosen grain has an avatar.
+    name : str
+    kind : {'grains', 'avatars', 'clones'}
+    labels : sequence of int
+    makers : sequence of callable
+        Each returns its body when its turn comes: a grain is cut out of the label volume only then.
     """
 
-    grains: Population
-    avatars: Population | None
+    name: str
+    kind: Kind
+    labels: Sequence[int]
+    makers: Sequence[Callable[[], Body]]
 
 
 def measure_population(
@@ -109,23 +112,24 @@ def measure_population(
     """
     if isinstance(bodies, GrainSet):
         chosen = [int(label) for label in (bodies.table["label"] if labels is None else labels)]
-        makers = _grain_makers(bodies, chosen)
+        makers = grain_makers(bodies, chosen)
         first: str | None = bodies.unit
     else:
         given = list(bodies)
         chosen = _labels_of(given) if labels is None else [int(label) for label in labels]
         if len(chosen) != len(given):
             raise MeasureError(f"{len(given)} bodies have {len(chosen)} labels: give one to each.")
-        makers = [_given(body) for body in given]
+        makers = [given_body(body) for body in given]
         first = unit or _unit_of(given)
-    asked = _conventions(unit or first, axes, surface, detail)
-    found = _measure_all(makers, asked, workers, progress)
-    return _population(name or kind, kind, chosen, found, asked)
+    (population,) = measure_together(
+        [Bodies(name or kind, kind, chosen, makers)], unit=unit or first, axes=axes, surface=surface,
+        detail=detail, workers=workers, progress=progress,
+    )  # fmt: skip
+    return population
 
 
-def measure_project(
-    project: Project,
-    labels: Sequence[int] | None = None,
+def measure_together(
+    groups: Sequence[Bodies],
     *,
     unit: str | None = None,
     axes: AxisConvention = "obb",
@@ -133,37 +137,35 @@ def measure_project(
     detail: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
-) -> ProjectPopulations:
-    """Measure a project's grains, and the avatars of those that have one, in one batch.
+) -> list[Population]:
+    """Measure several populations alike, in one batch that keeps all processes busy.
 
     Parameters
     ----------
-    project : Project
-    labels : sequence of int, optional
-        Which grains; those with an avatar by default, all interior grains if none has one.
+    groups : sequence of Bodies
     unit, axes, surface, detail, workers, progress
-        As for `measure_population`.
+        As for `measure_population`; without a unit each body is measured in its own.
+
+    Returns
+    -------
+    list of Population
+        In the order of the groups.
 
     Raises
     ------
-    MeasureError, GrainError, UnitError
-        As `measure_population`; MeasureError also if the project holds no grains.
+    MeasureError, UnitError
+        As `measure_population`.
     """
-    grains = project.grains
-    if grains is None:
-        raise MeasureError("The project holds no grains yet: find them with 'mbstudio segment' first.")
-    chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
-    fitted = [label for label in chosen if label in project.fits]
-    makers = _grain_makers(grains, chosen) + [_given(project.fits[label].avatar) for label in fitted]
-    asked = _conventions(unit or grains.unit, axes, surface, detail)
-    found = _measure_all(makers, asked, workers, progress)
-    avatars = None
-    if fitted:
-        avatars = _population("avatars", "avatars", fitted, found[len(chosen) :], asked)
-    return ProjectPopulations(_population("grains", "grains", chosen, found[: len(chosen)], asked), avatars)
+    asked = _conventions(unit, axes, surface, detail)
+    found = _measure_all([make for group in groups for make in group.makers], asked, workers, progress)
+    ends = np.cumsum([len(group.makers) for group in groups]).tolist()
+    return [
+        _population(group.name, group.kind, group.labels, found[end - len(group.makers) : end], asked)
+        for group, end in zip(groups, ends, strict=True)
+    ]
 
 
-def _grain_makers(grains: GrainSet, labels: Sequence[int]) -> list[Callable[[], Body]]:
+def grain_makers(grains: GrainSet, labels: Sequence[int]) -> list[Callable[[], Body]]:
     """Return what cuts each grain out of the label volume, when its turn comes."""
     known = {int(label) for label in grains.table["label"]}
     for label in labels:
@@ -172,7 +174,8 @@ def _grain_makers(grains: GrainSet, labels: Sequence[int]) -> list[Callable[[], 
     return [lambda label=label: grains.grain(label) for label in labels]  # type: ignore[misc]
 
 
-def _given(body: Body) -> Callable[[], Body]:
+def given_body(body: Body) -> Callable[[], Body]:
+    """Return what hands over a body that is there already."""
     return lambda: body
 
 

@@ -30,7 +30,6 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-import mbstudio
 from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.kept_table import read_kept, write_kept
@@ -38,6 +37,7 @@ from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
 from mbstudio.core.replacement import replacing
 from mbstudio.core.units import VoxelSize
+from mbstudio.core.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,7 +153,7 @@ def _require_readable_schema(file: h5py.File, path: Path) -> None:
     if schema > SCHEMA:
         raise ProjectError(
             f"{path} was written by {file.attrs.get('written_by', 'a newer mbstudio')} in format {schema}; "
-            f"mbstudio {mbstudio.__version__} reads up to format {SCHEMA}: update mbstudio to open it."
+            f"mbstudio {__version__} reads up to format {SCHEMA}: update mbstudio to open it."
         )
 
 
@@ -161,7 +161,7 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
     # What older versions would lose unseen keeps them away; all else stays readable to them.
     styled = state.style is not None or state.clones is not None
     schema = SCHEMA if state.kept else _WITHOUT_KEPT if styled else _WITHOUT_STYLE
-    file.attrs.update(format=FORMAT, schema=schema, written_by=f"mbstudio {mbstudio.__version__}")
+    file.attrs.update(format=FORMAT, schema=schema, written_by=f"mbstudio {__version__}")
     if state.scan is not None:
         _write_scan(file.create_group("scan"), path, state.scan, voxels)
     if state.segmentation is not None:

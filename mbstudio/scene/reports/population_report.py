@@ -13,7 +13,6 @@ import mbstudio
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import (
     Population,
-    ProjectPopulations,
     compare,
     moments,
     relative_errors,
@@ -22,6 +21,7 @@ from mbstudio.core.populations import (
 )
 from mbstudio.core.populations.comparison import FactorComparison
 from mbstudio.core.populations.sieving import SERIES_NAMES, SieveSeries
+from mbstudio.core.project.measuring import ProjectPopulations
 from mbstudio.core.replacement import replacing
 from mbstudio.core.units import unit_label
 from mbstudio.scene.figures.form_figures import sneed_folk_figure, zingg_figure

@@ -12,13 +12,13 @@ from jaxtyping import Float, Float64
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.populations.comparison import PAPER_FACTORS, compare
 from mbstudio.core.populations.population import Population
+from mbstudio.core.vae.generate.generation import Counts
 from mbstudio.core.vae.generate.novelty import Discrimination, Novelty, discrimination, novelty
 from mbstudio.core.vae.serialize.serialization import Serialization
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mbstudio.core.vae.generate.generator import Counts
 
 PAPER_ERRORS = {
     "Ottawa sand": {

@@ -18,8 +18,7 @@ from mbstudio.core.vae.models.networks import apply_network, network_shapes
 from mbstudio.core.vae.models.principal import PrincipalComponents, principal_components
 from mbstudio.core.vae.models.radii import direction_exchange, log_radii
 from mbstudio.core.vae.models.sampling import bands_of
-from mbstudio.core.vae.models.shape_model import Preset, Tensors
-from mbstudio.core.vae.models.training_data import TrainingData
+from mbstudio.core.vae.models.shape_model import Tensors
 from mbstudio.core.vae.serialize.serialization import Serialization
 
 RADII = 144
@@ -69,25 +68,10 @@ class AlignedModel:
         Of what the model proper leaves of its parents; its scores are the details.
     """
 
-    preset: ClassVar[Preset] = "aligned"
-    options: ClassVar[type[Any]] = AlignedOptions
+    preset: ClassVar[str] = "aligned"
     scaler: Scaler
     numbers: Tensors
     left: PrincipalComponents
-
-    @classmethod
-    def trainer(
-        cls,
-        data: TrainingData,
-        options: AlignedOptions,
-        seed: int,
-        device: str,
-        start: AlignedModel | None = None,
-    ) -> Any:
-        """Return the trainer of these parents, going on from a trained model if one is given."""
-        from mbstudio.core.vae.models.aligned_training import AlignedTrainer
-
-        return AlignedTrainer(data, options, seed, device, start)
 
     @property
     def core(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,7 @@ from mbstudio.core.vae.models.principal import PrincipalComponents, principal_co
 from mbstudio.core.vae.models.probes import Probes
 from mbstudio.core.vae.models.radii import surface_rms
 from mbstudio.core.vae.models.shape_model import Tensors
+from mbstudio.core.vae.models.style_preset import StylePreset
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.models.training_step import Losses
 
@@ -42,7 +44,7 @@ _FIRST_LOG_VARIANCE = -3.0
 _SURFACE_PROBES, _SHELL_PROBES = 64, 24
 _SHELL_SHARE = 0.02 / 36.0
 _FEW = 100
-_FEW_FOR_NETWORKS = 50
+_ENOUGH_FOR_NETWORKS = 50
 
 FEW_PARENTS = (
     "For fewer than 50 parents principal components (preset 'pca') reproduce held-out parents better than "
@@ -60,7 +62,7 @@ class AlignedTrainer:
     seed : int
     device : {'cpu', 'cuda'}
     start : AlignedModel, optional
-        To go on from, instead of from principal components.
+        To go on from, instead of from principal components; it decides on the number of latents.
     """
 
     def __init__(
@@ -71,13 +73,15 @@ class AlignedTrainer:
         device: str,
         start: AlignedModel | None = None,
     ) -> None:
+        if start is not None:
+            options = replace(options, latents=start.core)
         self.data, self.options, self.seed = data, options, seed
         self.steps = options.steps or (4000 if len(data.parents) >= _FEW else 2000)
         self.record_every = options.record_every
         self.annealer = DistributionAnnealer(self.steps, options.annealed)
-        self.free_from = self.annealer.finished
-        self.notes: tuple[str, ...] = (FEW_PARENTS,) if len(data.parents) < _FEW_FOR_NETWORKS else ()
-        self.replay: tuple[Int[np.ndarray, " old"], Int[np.ndarray, " new"]] | None = None
+        self.annealing_ends = self.annealer.finished
+        self.notes: tuple[str, ...] = (FEW_PARENTS,) if len(data.parents) < _ENOUGH_FOR_NETWORKS else ()
+        self._old_and_new: tuple[Int[np.ndarray, " old"], Int[np.ndarray, " new"]] | None = None
         raw = raw_inputs(data.scaler, data.parents)
         numbers = dict(start.numbers) if start is not None else first_numbers(data, options, seed, raw)
         self._fixed = {name: numbers.pop(name) for name in ("input.mean", "input.scale", "parities")}
@@ -109,12 +113,16 @@ class AlignedTrainer:
             "shell": tensor(probes.shell), "shell_log_field": tensor(probes.shell_log_field),
         }  # fmt: skip
 
+    def replay(self, old: Int[np.ndarray, " old"], new: Int[np.ndarray, " new"]) -> None:
+        """Draw half of each step's parents from the old ones and half from the new."""
+        self._old_and_new = old, new
+
     def chosen_rows(self, rng: np.random.Generator) -> Int[np.ndarray, " batch"]:
         """Return the parents of one step: where old and new ones are told apart, half of each."""
         batch = self.options.batch
-        if self.replay is None or not all(len(rows) for rows in self.replay):
+        if self._old_and_new is None or not all(len(rows) for rows in self._old_and_new):
             return rng.choice(self.data.trained, batch)
-        old, new = self.replay
+        old, new = self._old_and_new
         return np.concatenate([rng.choice(old, batch - batch // 2), rng.choice(new, batch // 2)])
 
     def advance(self, step: int) -> Losses:
@@ -257,3 +265,15 @@ def first_numbers(
         **new_network("encoder", (INPUTS, *HIDDEN, 2 * latents), rng, silent=True),
         **new_network("decoder", (latents, *HIDDEN, data.scaler.width), rng, silent=True),
     }  # fmt: skip
+
+
+PRESET = StylePreset(
+    name=AlignedModel.preset,
+    title="Aligned network",
+    summary="A variational autoencoder whose control points correspond: closest clones.",
+    model=AlignedModel,
+    options=AlignedOptions,
+    trainer=AlignedTrainer,
+    learning_on={"steps": 2000, "rate": 5e-4, "annealed": 0.0},
+    enough_parents=_ENOUGH_FOR_NETWORKS,
+)

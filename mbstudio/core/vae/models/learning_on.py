@@ -10,25 +10,19 @@ from jaxtyping import Int
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.units import conversion_factor
+from mbstudio.core.vae.models.presets import find_preset
 from mbstudio.core.vae.models.radii import surface_rms
-from mbstudio.core.vae.models.shape_model import model_kind
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import StyleTraining, chosen_device
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.serialize.serialization import Serialization
-
-_SHORT = {
-    "aligned": {"steps": 2000, "rate": 5e-4, "annealed": 0.0},
-    "paper": {"steps": 2000, "annealed": 0.0},
-    "pca": {},
-}  # type: dict[str, dict[str, Any]]
 
 
 class LearningOn(StyleTraining):
     """A short training of a trained learner: a step object like :class:`StyleTraining`.
 
     New parents are learned and the old ones replayed, so that they are not forgotten; those held out
-    before stay so. Preset `pca` is found anew from all of them.
+    before stay so. A preset that is found at once (`pca`) begins anew with all of them.
 
     Parameters
     ----------
@@ -53,14 +47,12 @@ class LearningOn(StyleTraining):
             raise StyleError("There are no new parents to learn: give one avatar or more.")
         model = learner.model
         model.scaler.check(new)
-        kind = model_kind(learner.preset)
-        given = learner.card.settings | _SHORT[learner.preset] | options
-        record = kind.options.make(given)
-        if learner.preset == "aligned":
-            record = replace(record, latents=learner.core)
+        preset = find_preset(learner.preset)
+        given = learner.card.settings | dict(preset.learning_on) | options
+        record = preset.options.make(given)
         parents = joined(learner.parents, new)
-        # Principal components begin anew; the others keep the scale in which they have learned.
-        scaler = None if learner.preset == "pca" else model.scaler
+        # What is found at once begins anew; the others keep the scale in which they have learned.
+        scaler = model.scaler if preset.in_steps else None
         whole = TrainingData.of(parents, record.held_out, seed, scaler)
         known = set(learner.card.held_out)
         old = np.arange(len(learner.parents))
@@ -69,29 +61,25 @@ class LearningOn(StyleTraining):
         aside += order[: round(record.held_out * len(new))].tolist()
         rest = np.setdiff1d(np.arange(len(parents)), aside)
         data = whole.split(rest, np.array(sorted(aside), dtype=np.int64))
-        if learner.preset == "pca":
-            trainer = kind.trainer(data, record, seed, chosen_device(device))
-        else:
-            trainer = kind.trainer(data, record, seed, chosen_device(device), model)
+        trainer = preset.trainer(data, record, seed, chosen_device(device), model)
+        trainer.replay(rest[rest < len(old)], rest[rest >= len(old)])
         trainer.notes = (
             *trainer.notes,
             f"Learned on from {len(old)} parents to {len(parents)}: {len(new)} new ones.",
         )
         self._old_steps = learner.card.steps
-        self._begin(learner.card.preset, seed, data, trainer, given)  # type: ignore[arg-type]
-        if learner.preset == "aligned":
-            trainer.replay = (rest[rest < len(old)], rest[rest >= len(old)])
+        self._begin(preset, seed, data, trainer, given)
 
     def _judged_by(self) -> Int[np.ndarray, " rows"]:
         """Return all parents: the new are to be learned and the old not to be forgotten."""
-        return super()._judged_by() if self.preset == "pca" else np.arange(len(self.data.parents))
+        return np.arange(len(self.data.parents)) if self.preset.in_steps else super()._judged_by()
 
     def result(self) -> StyleLearner:
         """Return the learner of the best state so far, of old and new parents."""
         learner = super().result()
         card = replace(learner.card, steps=learner.card.steps + self._old_steps)
         aside = self.data.held_out
-        if self.preset != "pca" and len(aside):  # principal components are those of all parents by now
+        if self.preset.in_steps and len(aside):  # what is found at once is of all parents by now
             some = self.data.parents.take(aside)
             made = learner.decode(learner.latents[aside, : learner.core])
             card = replace(card, held_out_rms=float(surface_rms(some, made).mean()))

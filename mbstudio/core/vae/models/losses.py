@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import torch
 from jaxtyping import Float
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.models.probes import LARGEST_LOG_FIELD
+
+if TYPE_CHECKING:
+    import torch
 
 _SMALLEST_LOG_SIGMA = -7.0
 
@@ -51,7 +54,7 @@ def log_field(
     square = square + (points[:, :, None, 1] - centers[:, None, :, 1]).square()
     square = square + (points[:, :, None, 2] - centers[:, None, :, 2]).square()
     terms = (square + 1e-9).reciprocal()
-    return torch.bmm(terms, log_weights.exp()[:, :, None])[:, :, 0].log()
+    return terms.bmm(log_weights.exp()[:, :, None])[:, :, 0].log()
 
 
 def field_errors(
@@ -78,6 +81,8 @@ def field_errors(
         Mean square of ``ln f / |grad ln f|`` (the distance to first order, in D_n), and of the error of
         ln f on the shells.
     """
+    import torch
+
     p = surface.shape[1]
     found = log_field(torch.cat([surface, shell], 1), centers, log_weights)
     on_surface = (found[:, :p] / steepness).square().mean()

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.version import __version__
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,6 @@ class ModelCard:
 def library_versions(*names: str) -> dict[str, str]:
     """Return the versions of Python, mbstudio, numpy and these libraries."""
     from importlib.metadata import version
-
-    from mbstudio import __version__
 
     found = {"mbstudio": __version__, "python": platform.python_version()}
     return found | {name: version(name) for name in ("numpy", *names)}

@@ -15,8 +15,7 @@ from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.features import Scaler, clone_names
 from mbstudio.core.vae.models.networks import LEAK, apply_network, network_shapes
 from mbstudio.core.vae.models.radii import outermost_radii
-from mbstudio.core.vae.models.shape_model import Preset, Tensors
-from mbstudio.core.vae.models.training_data import TrainingData
+from mbstudio.core.vae.models.shape_model import Tensors
 from mbstudio.core.vae.serialize.serialization import Serialization
 
 LATENTS = 128
@@ -74,24 +73,9 @@ class PaperModel:
         Parameters of the networks, and ``mean_diameter``, shape (1,), in the scaler's unit.
     """
 
-    preset: ClassVar[Preset] = "paper"
-    options: ClassVar[type[Any]] = PaperOptions
+    preset: ClassVar[str] = "paper"
     scaler: Scaler
     numbers: Tensors
-
-    @classmethod
-    def trainer(
-        cls,
-        data: TrainingData,
-        options: PaperOptions,
-        seed: int,
-        device: str,
-        start: PaperModel | None = None,
-    ) -> Any:
-        """Return the trainer of these parents, going on from a trained model if one is given."""
-        from mbstudio.core.vae.models.paper_training import PaperTrainer
-
-        return PaperTrainer(data, options, seed, device, start)
 
     @property
     def core(self) -> int:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 from jaxtyping import Float, Float32, Int
-from scipy.spatial.transform import Rotation
 
 from mbstudio.core.vae.models.losses import DistributionAnnealer, normal_divergence, reconstruction_item
 from mbstudio.core.vae.models.networks import LEAK, apply_network_torch, new_network
@@ -19,10 +17,12 @@ from mbstudio.core.vae.models.paper import (
 )  # fmt: skip
 from mbstudio.core.vae.models.radii import surface_rms
 from mbstudio.core.vae.models.shape_model import Tensors
+from mbstudio.core.vae.models.style_preset import StylePreset
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.models.training_step import Losses
 
 _MANY = 100
+_ENOUGH_FOR_NETWORKS = 50
 
 
 class Augmentation:
@@ -46,6 +46,8 @@ class Augmentation:
         shuffles: int,
         rng: np.random.Generator,
     ) -> None:
+        from scipy.spatial.transform import Rotation
+
         count, n, _ = values.shape
         turns = Rotation.random(count * rotations, rng=rng).as_matrix().reshape(count, rotations, 3, 3)
         turned = np.einsum("prxy,pny->prnx", turns, values[:, :, 1:])
@@ -96,7 +98,7 @@ class PaperTrainer:
         self.data, self.options, self.seed = data, options, seed
         self.steps, self.record_every = options.steps, options.record_every
         self.annealer = DistributionAnnealer(self.steps, options.annealed)
-        self.free_from = self.annealer.finished
+        self.annealing_ends = self.annealer.finished
         n = data.parents.template.n
         rng = np.random.default_rng([abs(int(seed)), 3])
         numbers: Tensors = {}
@@ -123,6 +125,8 @@ class PaperTrainer:
 
     def advance(self, step: int) -> Losses:
         """Make one step."""
+        import torch
+
         rng, device = step_rng(self.seed, step), self.parameters.device
         # A copy by torch is aligned; numpy's memory may lie anywhere, and rounding can depend on that.
         values = torch.tensor(self.augmentation.draw(self.options.batch, rng), device=device)
@@ -142,6 +146,9 @@ class PaperTrainer:
         loss = reconstruction + weight * divergence
         self.parameters.improve(loss, self.options.rate)
         return Losses(reconstruction.item(), divergence.item(), weight, loss.item())
+
+    def replay(self, old: Int[np.ndarray, " old"], new: Int[np.ndarray, " new"]) -> None:
+        """Do nothing: the augmentation draws from all parents alike."""
 
     def weights(self) -> Tensors:
         """Return a copy of the parameters."""
@@ -173,3 +180,15 @@ class PaperTrainer:
     def model(self, weights: Tensors) -> PaperModel:
         """Return the model of these parameters."""
         return PaperModel(self.data.scaler, weights | {"mean_diameter": self._mean_diameter})
+
+
+PRESET = StylePreset(
+    name=PaperModel.preset,
+    title="As in the paper",
+    summary="The paper's network on shuffled, rotated control points, for comparison.",
+    model=PaperModel,
+    options=PaperOptions,
+    trainer=PaperTrainer,
+    learning_on={"steps": 2000, "annealed": 0.0},
+    enough_parents=_ENOUGH_FOR_NETWORKS,
+)

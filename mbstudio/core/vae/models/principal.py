@@ -15,7 +15,8 @@ from mbstudio.core.vae.models.features import Scaler, character, parity_parts
 from mbstudio.core.vae.models.joining import held_together
 from mbstudio.core.vae.models.radii import surface_rms
 from mbstudio.core.vae.models.sampling import bands_of
-from mbstudio.core.vae.models.shape_model import Preset, Tensors
+from mbstudio.core.vae.models.shape_model import Tensors
+from mbstudio.core.vae.models.style_preset import StylePreset
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -112,8 +113,7 @@ class PrincipalModel:
     basis : PrincipalComponents
     """
 
-    preset: ClassVar[Preset] = "pca"
-    options: ClassVar[type[Any]] = PrincipalOptions
+    preset: ClassVar[str] = "pca"
     scaler: Scaler
     basis: PrincipalComponents
 
@@ -126,13 +126,6 @@ class PrincipalModel:
         with one_thread():
             basis = principal_components(scaler.vectors(parents), scaler.flip_table(), latents)
         return cls(scaler, basis)
-
-    @classmethod
-    def trainer(
-        cls, data: TrainingData, options: PrincipalOptions, seed: int, device: str
-    ) -> PrincipalTrainer:
-        """Return what takes the place of steps where there is a closed form."""
-        return PrincipalTrainer(data, options)
 
     @property
     def core(self) -> int:
@@ -196,11 +189,15 @@ class PrincipalTrainer:
     ----------
     data : TrainingData
     options : PrincipalOptions
+    seed, device, start
+        Not used: nothing is drawn, the processor is quick enough, and the components begin anew.
     """
 
-    def __init__(self, data: TrainingData, options: PrincipalOptions) -> None:
+    def __init__(
+        self, data: TrainingData, options: PrincipalOptions, seed: int, device: str, start: object = None
+    ) -> None:
         self.data, self.options = data, options
-        self.steps, self.record_every, self.free_from = 0, 1, 0
+        self.steps, self.record_every, self.annealing_ends = 0, 1, 0
         self.notes: tuple[str, ...] = ()
 
     def _fitted(self, rows: Int[np.ndarray, " rows"]) -> PrincipalModel:
@@ -220,6 +217,9 @@ class PrincipalTrainer:
         """Refuse: there is no step to make."""
         raise StyleError(f"Principal components have no step {step}: they are found at once.")
 
+    def replay(self, old: Int[np.ndarray, " old"], new: Int[np.ndarray, " new"]) -> None:
+        """Do nothing: the components are those of all parents."""
+
     def weights(self) -> Tensors:
         """Return nothing: the model follows from the parents."""
         return {}
@@ -234,3 +234,14 @@ class PrincipalTrainer:
     def move_to_processor(self) -> bool:
         """Return False: it is there already."""
         return False
+
+
+PRESET = StylePreset(
+    name=PrincipalModel.preset,
+    title="Principal components",
+    summary="The linear baseline: found at once, the better choice for few parents.",
+    model=PrincipalModel,
+    options=PrincipalOptions,
+    trainer=PrincipalTrainer,
+    in_steps=False,
+)

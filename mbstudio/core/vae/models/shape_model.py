@@ -1,8 +1,8 @@
-"""What the three kinds of style-learner have in common behind the one interface."""
+"""What all kinds of style-learner have in common behind the one interface."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -10,9 +10,6 @@ from jaxtyping import Float
 if TYPE_CHECKING:
     from mbstudio.core.vae.models.features import Scaler
     from mbstudio.core.vae.serialize.serialization import Serialization
-
-Preset = Literal["aligned", "paper", "pca"]
-PRESETS: tuple[Preset, ...] = ("aligned", "paper", "pca")
 
 Tensors = dict[str, Float[np.ndarray, "..."]]
 """Numbers of a model by name, as they stand in its file."""
@@ -23,7 +20,8 @@ class ShapeModel(Protocol):
 
     Attributes
     ----------
-    preset : {'aligned', 'paper', 'pca'}
+    preset : str
+        Name of its preset.
     scaler : Scaler
     core : int
         Latents of the model proper; those after it are the details that it leaves.
@@ -35,7 +33,7 @@ class ShapeModel(Protocol):
         Of the sampler; empty if latents are drawn from N(0, 1).
     """
 
-    preset: ClassVar[Preset]
+    preset: ClassVar[str]
 
     @property
     def scaler(self) -> Scaler: ...
@@ -58,28 +56,3 @@ class ShapeModel(Protocol):
     def shapes(cls, settings: dict[str, Any], n: int) -> dict[str, tuple[int, ...]]: ...
     @classmethod
     def from_tensors(cls, scaler: Scaler, tensors: Tensors, settings: dict[str, Any]) -> ShapeModel: ...
-
-
-def model_kind(preset: str) -> type[Any]:
-    """Return the class of a preset's models.
-
-    Raises
-    ------
-    StyleError
-        If there is no such preset.
-    """
-    if preset == "pca":
-        from mbstudio.core.vae.models.principal import PrincipalModel
-
-        return PrincipalModel
-    if preset == "aligned":
-        from mbstudio.core.vae.models.aligned import AlignedModel
-
-        return AlignedModel
-    if preset == "paper":
-        from mbstudio.core.vae.models.paper import PaperModel
-
-        return PaperModel
-    from mbstudio.core.errors import StyleError
-
-    raise StyleError(f"There is no style-learner '{preset}': use one of {', '.join(PRESETS)}.")

@@ -12,10 +12,12 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import MbstudioError, StyleError
+from mbstudio.core.replacement import replacing
 from mbstudio.core.vae.models.features import Scaler
 from mbstudio.core.vae.models.model_card import ModelCard
+from mbstudio.core.vae.models.presets import find_preset
 from mbstudio.core.vae.models.sampling import Sample, band_latents, normal_latents, usual_noise
-from mbstudio.core.vae.models.shape_model import ShapeModel, Tensors, model_kind
+from mbstudio.core.vae.models.shape_model import ShapeModel, Tensors
 from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
 FORMAT = 1
@@ -34,7 +36,7 @@ class StyleLearner:
     Attributes
     ----------
     model : ShapeModel
-        Of preset `aligned`, `paper` or `pca`.
+        Of one of the presets.
     parents : Serialization
         All avatars that it learned from, those held out in training too.
     latents : float array, shape (parents, d)
@@ -70,7 +72,7 @@ class StyleLearner:
 
     @property
     def preset(self) -> str:
-        """Which kind of model it is: 'aligned', 'paper' or 'pca'."""
+        """Name of the preset that its model is of."""
         return self.model.preset
 
     @property
@@ -95,7 +97,7 @@ class StyleLearner:
 
     @property
     def signs(self) -> Float[np.ndarray, "8 d"] | None:
-        """What each flip of the axes does to a latent vector; None for preset `paper`."""
+        """What each flip of the axes does to a latent vector; None if nothing simple (preset `paper`)."""
         return self.model.signs
 
     def encode(self, avatars: Serialization) -> Float64[np.ndarray, "avatars d"]:
@@ -181,7 +183,6 @@ class StyleLearner:
         StyleError
             If the folder cannot be written.
         """
-
         return write_learner(self, Path(folder))
 
 
@@ -193,7 +194,6 @@ def load_style_learner(folder: str | Path) -> StyleLearner:
     StyleError
         If there is none, or a file is damaged, foreign, or from a newer mbstudio; it names the file.
     """
-
     return read_learner(Path(folder))
 
 
@@ -208,8 +208,6 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         If the folder cannot be written.
     """
     from safetensors.numpy import save
-
-    from mbstudio.core.replacement import replacing
 
     content = save({name: np.ascontiguousarray(array) for name, array in learner_tensors(learner).items()})
     digest = hashlib.sha256(content).hexdigest()
@@ -278,8 +276,7 @@ def learner_of(entries: dict[str, Any], tensors: Tensors, source: Path) -> Style
     KeyError, TypeError, ValueError
         If something is missing or of the wrong kind.
     """
-
-    kind = model_kind(str(entries["preset"]))
+    kind = find_preset(str(entries["preset"])).model
     _check_shapes(tensors, kind.shapes(entries["model"], int(entries["n"])), source)
     template = Template(
         tensors["template.centers"],

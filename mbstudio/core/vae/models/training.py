@@ -6,17 +6,20 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.replacement import replacing
 from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.models.model_card import ModelCard, library_versions
+from mbstudio.core.vae.models.presets import find_preset
 from mbstudio.core.vae.models.radii import surface_rms
-from mbstudio.core.vae.models.shape_model import Preset, ShapeModel, Tensors, model_kind
+from mbstudio.core.vae.models.shape_model import ShapeModel, Tensors
 from mbstudio.core.vae.models.style_learner import StyleLearner
+from mbstudio.core.vae.models.style_preset import StylePreset, Trainer
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.models.training_step import Losses, TrainingStep
 from mbstudio.core.vae.serialize.serialization import Serialization
@@ -24,36 +27,6 @@ from mbstudio.core.vae.serialize.serialization import Serialization
 FORMAT = 1
 _KIND = "mbstudio style-training"
 _NUMBERS = ("step", "steps", "reconstruction", "distribution", "weight", "loss", "held_out", "best")
-
-
-class Trainer(Protocol):
-    """What a preset brings along: its parameters and one step of their improvement."""
-
-    steps: int
-    record_every: int
-    free_from: int
-    notes: tuple[str, ...]
-
-    def advance(self, step: int) -> Losses:
-        """Make step `step`, counted from 0; all chance in it follows from seed and step."""
-
-    def weights(self) -> Tensors:
-        """Return a copy of the parameters."""
-
-    def state(self) -> Tensors:
-        """Return parameters and all else that the next step depends on."""
-
-    def restore(self, state: Tensors) -> None:
-        """Go back to a state."""
-
-    def rms(self, rows: np.ndarray) -> float:
-        """Return the mean surface distance of these parents and what the model makes of them."""
-
-    def model(self, weights: Tensors) -> ShapeModel:
-        """Return the finished model with these parameters."""
-
-    def move_to_processor(self) -> bool:
-        """Leave the GPU; False if it was not there."""
 
 
 class StyleTraining:
@@ -66,7 +39,8 @@ class StyleTraining:
     ----------
     parents : Serialization
         At least 5 avatars.
-    preset : {'aligned', 'paper', 'pca'}
+    preset : str
+        One of :data:`~mbstudio.core.vae.models.presets.PRESETS`.
     seed : int
     device : {'cpu', 'cuda', 'auto'}
         Where the steps are computed; 'auto' takes a GPU where there is one. Results are the same from run
@@ -88,7 +62,7 @@ class StyleTraining:
     def __init__(
         self,
         parents: Serialization,
-        preset: Preset = "aligned",
+        preset: str = "aligned",
         *,
         seed: int = 0,
         device: str = "cpu",
@@ -96,17 +70,17 @@ class StyleTraining:
         checkpoint_every: int = 4,
         **options: Any,
     ) -> None:
-        kind = model_kind(preset)
-        record = kind.options.make(options)
+        chosen = find_preset(preset)
+        record = chosen.options.make(options)
         data = TrainingData.of(parents, record.held_out, seed)
-        self._begin(preset, seed, data, kind.trainer(data, record, seed, chosen_device(device)), options)
+        self._begin(chosen, seed, data, chosen.trainer(data, record, seed, chosen_device(device)), options)
         self._checkpoint = None if checkpoint is None else Path(checkpoint)
         self._checkpoint_every = max(1, int(checkpoint_every))
         if self._checkpoint is not None and self._checkpoint.exists():
             resume(self, self._checkpoint)
 
     def _begin(
-        self, preset: Preset, seed: int, data: TrainingData, trainer: Trainer, options: dict[str, Any]
+        self, preset: StylePreset, seed: int, data: TrainingData, trainer: Trainer, options: dict[str, Any]
     ) -> None:
         self.preset, self.seed, self.data, self.options = preset, int(seed), data, dict(options)
         self.trainer = trainer
@@ -189,10 +163,10 @@ class StyleTraining:
             return self._broken(step, last)
         # Before the distribution item has its full weight an error says little about the end.
         before = self.history[self.best_row] if self.best_row >= 0 else None
-        counts = step >= self.trainer.free_from
-        best = before is None or (counts and before.step < self.trainer.free_from)
+        counts = step >= self.trainer.annealing_ends
+        best = before is None or (counts and before.step < self.trainer.annealing_ends)
         if before is not None and not best:
-            best = held_out < before.held_out and (counts or before.step < self.trainer.free_from)
+            best = held_out < before.held_out and (counts or before.step < self.trainer.annealing_ends)
         note, self._note = self._note, ""
         return TrainingStep(
             step, self.trainer.steps, _mean([entry.reconstruction for entry in losses]),
@@ -237,7 +211,7 @@ class StyleTraining:
         plain[:, model.core :] = 0.0
         errors = surface_rms(parents, model.decode(plain))
         return ModelCard(
-            preset=self.preset, names=parents.names, unit=parents.unit, n=parents.template.n,
+            preset=self.preset.name, names=parents.names, unit=parents.unit, n=parents.template.n,
             smallest=float(parents.diameters.min()), largest=float(parents.diameters.max()),
             latents=model.core, seed=self.seed, steps=best.step,
             held_out=tuple(parents.names[row] for row in data.held_out),
@@ -248,9 +222,7 @@ class StyleTraining:
         )  # fmt: skip
 
 
-def learn(
-    parents: Serialization, preset: Preset = "aligned", *, seed: int = 0, **options: Any
-) -> StyleLearner:
+def learn(parents: Serialization, preset: str = "aligned", *, seed: int = 0, **options: Any) -> StyleLearner:
     """Return a style-learner trained on parents; arguments and errors of :class:`StyleTraining`."""
     return StyleTraining(parents, preset, seed=seed, **options).run()
 
@@ -289,8 +261,6 @@ def write_checkpoint(training: StyleTraining, path: Path) -> None:
         If the file cannot be written.
     """
     from safetensors.numpy import save
-
-    from mbstudio.core.replacement import replacing
 
     tensors = {f"state.{name}": array for name, array in training.trainer.state().items()}
     tensors |= {f"best.{name}": array for name, array in (training.best_weights or {}).items()}
@@ -361,7 +331,7 @@ def _identity(training: StyleTraining) -> dict[str, Any]:
     """Return what must agree for the steps to be those of one training."""
     return {
         "parents": training.data.digest,
-        "preset": training.preset,
+        "preset": training.preset.name,
         "seed": training.seed,
         "options": json.loads(json.dumps(training.options)),
         "steps": training.trainer.steps,

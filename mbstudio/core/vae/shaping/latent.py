@@ -1,4 +1,4 @@
-"""Working in the latent space by hand: noise, interpolation, arithmetic, projection, a map.
+"""Working in the latent space by hand: noise, interpolation, blending, projection, a map.
 
 All functions take and return latent vectors of a
 :class:`~mbstudio.core.vae.models.style_learner.StyleLearner`.
@@ -26,7 +26,6 @@ from mbstudio.core.vae.models.style_learner import StyleLearner
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.serialize.frame import Body
-    from mbstudio.core.vae.shaping.meaning import Meanings
 
 _FINE = 4
 FARTHEST = 4.0
@@ -143,47 +142,6 @@ def morphed(
         even = np.interp(np.linspace(0.0, travelled[-1], len(shares)), travelled, shares)
         shares = even
     return interpolated(learner, first, second, shares[::_FINE])
-
-
-def added(
-    learner: StyleLearner,
-    base: Float[np.ndarray, " d"],
-    plus: Float[np.ndarray, " d"],
-    minus: Float[np.ndarray, " d"],
-    strength: float = 1.0,
-    *,
-    meanings: Meanings | None = None,
-) -> Float64[np.ndarray, " d"]:
-    """Return what makes one grain differ from another, added to a third: z3 + s (z1 - z2).
-
-    Parameters
-    ----------
-    base, plus, minus : float array, shape (d,)
-        z3, z1 and z2.
-    strength : float
-    meanings : Meanings, optional
-        Then the sum's factors are made to differ from the base's as those of z1 differ from z2, as far as
-        the parents go: a plain sum of vectors that have nothing to do with each other is always rougher.
-
-    Raises
-    ------
-    StyleError
-        If the strength is not finite, or a latent vector none of this learner.
-    """
-    if not np.isfinite(strength):
-        raise StyleError(f"A difference cannot be added {strength} times: give a finite number.")
-    here = checked_latent(learner, base)
-    first = aligned_to(learner, here, plus)
-    second = aligned_to(learner, first, minus)
-    way = strength * (first - second)
-    if meanings is None:
-        return here + way
-    return meanings.as_told(here, way, strength * _difference(meanings, first, second))
-
-
-def _difference(meanings: Meanings, first: np.ndarray, second: np.ndarray) -> Float64[np.ndarray, "5"]:
-    ours, theirs = meanings.units(meanings.factors(np.stack([first, second])))
-    return np.asarray(ours - theirs)
 
 
 def blended(

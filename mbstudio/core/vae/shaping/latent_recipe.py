@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -18,10 +18,8 @@ from jaxtyping import Float, Float64
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.shaping import latent as by_hand
+from mbstudio.core.vae.shaping.meaning import Meanings, added
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
-
-if TYPE_CHECKING:
-    from mbstudio.core.vae.shaping.meaning import Meanings
 
 BEYOND = "beyond"
 """What an operation is given with True where it may lead far outside the parents."""
@@ -213,7 +211,7 @@ def _sum(
 ) -> np.ndarray:
     plus, minus, base = (np.asarray(given[key], dtype=np.float64) for key in ("a", "b", "c"))
     told = _required(meanings) if given["told"] else None
-    return by_hand.added(learner, base, plus, minus, float(given["strength"]), meanings=told)
+    return added(learner, base, plus, minus, float(given["strength"]), meanings=told)
 
 
 def _place(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
@@ -246,7 +244,7 @@ def _required(meanings: Meanings | None) -> Meanings:
 
 
 OPERATIONS: Mapping[
-    str, Callable[[StyleLearner, np.ndarray, Mapping[str, Any], "Meanings | None"], np.ndarray]
+    str, Callable[[StyleLearner, np.ndarray, Mapping[str, Any], Meanings | None], np.ndarray]
 ] = {
     "begin": _begin, "average": _average, "take": _take, "reach": _reach, "component": _component,
     "noise": _noise, "random": _random, "between": _between, "sum": _sum, "place": _place,

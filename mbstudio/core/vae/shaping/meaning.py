@@ -20,7 +20,7 @@ from mbstudio.core.vae.models.sampling import flip_moments
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.serialize.serialization import Serialization
 from mbstudio.core.vae.shaping.factor_search import FactorSearch, Place
-from mbstudio.core.vae.shaping.latent import checked_latent, farthest
+from mbstudio.core.vae.shaping.latent import aligned_to, checked_latent, farthest
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS, meaning_factors
 
 _PARTS = 50
@@ -332,3 +332,40 @@ class Design:
         if not FLATTEST <= fullest <= 1.0:
             return True
         return self.targets.get("sphericity", 0.0) * (1.0 - tolerance) <= highest_sphericity(fullest)
+
+
+def added(
+    learner: StyleLearner,
+    base: Float[np.ndarray, " d"],
+    plus: Float[np.ndarray, " d"],
+    minus: Float[np.ndarray, " d"],
+    strength: float = 1.0,
+    *,
+    meanings: Meanings | None = None,
+) -> Float64[np.ndarray, " d"]:
+    """Return what makes one grain differ from another, added to a third: z3 + s (z1 - z2).
+
+    Parameters
+    ----------
+    base, plus, minus : float array, shape (d,)
+        z3, z1 and z2.
+    strength : float
+    meanings : Meanings, optional
+        Then the sum's factors are made to differ from the base's as those of z1 differ from z2, as far as
+        the parents go: a plain sum of vectors that have nothing to do with each other is always rougher.
+
+    Raises
+    ------
+    StyleError
+        If the strength is not finite, or a latent vector none of this learner.
+    """
+    if not np.isfinite(strength):
+        raise StyleError(f"A difference cannot be added {strength} times: give a finite number.")
+    here = checked_latent(learner, base)
+    first = aligned_to(learner, here, plus)
+    second = aligned_to(learner, first, minus)
+    way = strength * (first - second)
+    if meanings is None:
+        return here + way
+    ours, theirs = meanings.units(meanings.factors(np.stack([first, second])))
+    return meanings.as_told(here, way, strength * np.asarray(ours - theirs))

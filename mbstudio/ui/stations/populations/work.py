@@ -11,9 +11,10 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.metrics.measuring import AxisConvention
-from mbstudio.core.populations import Population, ProjectPopulations, measure_project
+from mbstudio.core.populations import Population
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.project import Project, ProjectState
+from mbstudio.core.project.measuring import ProjectPopulations, measure_project
 from mbstudio.scene.pictures.figures import drawn
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.work import Work

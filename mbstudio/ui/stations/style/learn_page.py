@@ -10,30 +10,14 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
 
 from mbstudio.core.units import unit_label
+from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.shell.task_strip import readable_time
-from mbstudio.ui.stations.style.work import FEW_FOR_NETWORKS, Asked, Parents, Source, StyleWork, percent
+from mbstudio.ui.stations.style.work import Asked, Parents, Source, StyleWork, percent
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.workspace import Workspace
 
 FEWEST = 5
-PRESETS = (
-    (
-        "aligned",
-        mark("Aligned network"),
-        mark("A variational autoencoder whose control points correspond: closest clones."),
-    ),
-    (
-        "pca",
-        mark("Principal components"),
-        mark("The linear baseline: found at once, the better choice for few parents."),
-    ),
-    (
-        "paper",
-        mark("As in the paper"),
-        mark("The paper's network on shuffled, rotated control points, for comparison."),
-    ),
-)
 _SOURCES = {
     "inside": mark("Grains inside"),
     "chosen": mark("Chosen grains"),
@@ -65,9 +49,9 @@ class LearnPage(QWidget):
         self.source, self.preset, self.unit = QComboBox(), QComboBox(), QComboBox()
         for name in get_args(Source):
             self.source.addItem(tr(_SOURCES[name]), name)
-        for name, title, tip in PRESETS:
-            self.preset.addItem(tr(title), name)
-            self.preset.setItemData(self.preset.count() - 1, tr(tip), 3)
+        for preset in map(find_preset, PRESETS):
+            self.preset.addItem(tr(preset.title), preset.name)
+            self.preset.setItemData(self.preset.count() - 1, tr(preset.summary), 3)
         for unit in _UNITS:
             self.unit.addItem(unit_label(unit), unit)
         self.n, self.steps, self.seed = QSpinBox(), QSpinBox(), QSpinBox()
@@ -160,7 +144,7 @@ class LearnPage(QWidget):
 
     def _connect(self) -> None:
         self.preset.activated.connect(self._preset_chosen)
-        self.take_pca.clicked.connect(self._choose_pca)
+        self.take_pca.clicked.connect(self._choose_recommended)
         for field in (self.source, self.preset, self.unit):
             field.currentIndexChanged.connect(lambda _: self.refresh())
         self.folder.textChanged.connect(lambda _: self.refresh())
@@ -217,8 +201,8 @@ class LearnPage(QWidget):
         self._preset_is_chosen = True
         self.refresh()
 
-    def _choose_pca(self) -> None:
-        self.choose_preset("pca")
+    def _choose_recommended(self) -> None:
+        self.choose_preset(recommended_preset(self._count() or FEWEST).name)
 
     # ---- keeping in step -------------------------------------------------------------------------
 
@@ -233,22 +217,22 @@ class LearnPage(QWidget):
         if not self._preset_is_chosen and count is not None:
             # The card of a network says the same: with so few parents it has too little to learn from.
             with QSignalBlocker(self.preset):
-                wanted = "pca" if FEWEST <= count < FEW_FOR_NETWORKS else "aligned"
+                wanted = recommended_preset(count).name if count >= FEWEST else PRESETS[0]
                 self.preset.setCurrentIndex(self.preset.findData(wanted))
-        preset = self.preset.currentData()
-        self._explained.setText(tr(next(words for name, _, words in PRESETS if name == preset)))
-        few = count is not None and FEWEST <= count < FEW_FOR_NETWORKS and preset != "pca"
+        preset = find_preset(self.preset.currentData())
+        self._explained.setText(tr(preset.summary))
+        few = count is not None and FEWEST <= count < preset.enough_parents
         self._advice.setText(
             tr(
                 "With {count} parents, fewer than {enough}, principal components reproduce grains "
                 "that they have not seen better than a network.",
                 count=count,
-                enough=FEW_FOR_NETWORKS,
+                enough=preset.enough_parents,
             )
         )
         self._advice.setVisible(few)
         self.take_pca.setVisible(few)
-        self.steps.setEnabled(preset != "pca")
+        self.steps.setEnabled(preset.in_steps)
         self._show_foot(count)
         self._show_card()
 
@@ -308,7 +292,7 @@ class LearnPage(QWidget):
             self._card.setText(tr("Learn one above, or open one that was saved."))
             return
         card = learner.card
-        title = next(title for name, title, _ in PRESETS if name == card.preset)
+        title = find_preset(card.preset).title
         unit = unit_label(card.unit)
         self._card_name.setText(tr("{preset} of {count} parents", preset=tr(title), count=card.count))
         errors = [

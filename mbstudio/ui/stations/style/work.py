@@ -15,6 +15,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.project import ProjectState
 from mbstudio.core.units import conversion_factor
+from mbstudio.core.vae.models.presets import PRESETS, find_preset
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
 Source = Literal["inside", "chosen", "avatars", "folder"]
-FEW_FOR_NETWORKS = 50
 KEPT_EVERY = 10.0  # seconds; what a training has learned until then outlives a crash
 _MANY = 16  # bodies for which starting processes pays
 _SAME_SIZE = 0.05  # voxels and the smoothed surface differ by less in D_n
@@ -61,7 +61,7 @@ class Asked:
 
     parents: Parents
     n: int = 40
-    preset: Literal["aligned", "pca", "paper"] = "aligned"
+    preset: str = PRESETS[0]
     steps: int | None = None
     seed: int = 0
 
@@ -212,9 +212,8 @@ class StyleWork(Work):
         def train(parents: Serialization) -> StyleTraining:
             from mbstudio.core.vae.models.training import StyleTraining
 
-            given: dict[str, Any] = (
-                {} if asked.steps is None or asked.preset == "pca" else {"steps": asked.steps}
-            )
+            in_steps = find_preset(asked.preset).in_steps
+            given: dict[str, Any] = {"steps": asked.steps} if in_steps and asked.steps is not None else {}
             return StyleTraining(parents, asked.preset, seed=asked.seed, **given)
 
         known = self._serialized

@@ -9,6 +9,7 @@ from mbstudio.core.vae.models.radii import log_radii
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import StyleTraining
 from mbstudio.core.vae.shaping import latent as hand
+from mbstudio.core.vae.shaping.meaning import added
 from tests.core.vae.boxes import boxes
 
 
@@ -59,7 +60,7 @@ def test_every_step_of_a_morph_is_as_long(learner: StyleLearner) -> None:
 
 def test_sums_of_grains(learner: StyleLearner) -> None:
     base, other = learner.latents[2], learner.latents[3]
-    np.testing.assert_allclose(hand.added(learner, base, other, other, 1.0), base, atol=1e-9)
+    np.testing.assert_allclose(added(learner, base, other, other, 1.0), base, atol=1e-9)
     np.testing.assert_allclose(hand.blended(learner, np.stack([base, base]), [0.5, 0.5]), base, atol=1e-9)
     np.testing.assert_allclose(hand.blended(learner, base[None], [0.0]), hand.mean_latent(learner))
 
@@ -130,7 +131,7 @@ def test_a_learner_without_flips_works_too() -> None:
         (lambda learner: hand.morphed(learner, learner.latents[0], learner.latents[1], 1), "2 or more"),
         (lambda learner: hand.interpolated(learner, *learner.latents[:2], [np.inf]), "finite"),
         (lambda learner: hand.blended(learner, learner.latents[:2], [1.0]), "finite weights"),
-        (lambda learner: hand.added(learner, *learner.latents[:3], strength=np.nan), "finite"),
+        (lambda learner: added(learner, *learner.latents[:3], strength=np.nan), "finite"),
     ],
 )  # fmt: skip
 def test_what_cannot_be(learner: StyleLearner, what, said: str) -> None:

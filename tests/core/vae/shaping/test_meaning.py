@@ -5,8 +5,8 @@ import pytest
 
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.models.training import StyleTraining
-from mbstudio.core.vae.shaping.latent import added, is_far_outside
-from mbstudio.core.vae.shaping.meaning import HELD, Design, Meanings
+from mbstudio.core.vae.shaping.latent import is_far_outside
+from mbstudio.core.vae.shaping.meaning import HELD, Design, Meanings, added
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from tests.core.vae.boxes import boxes
 

@@ -13,8 +13,9 @@ from PySide6.QtTest import QTest
 
 from mbstudio.core.grains import load_labels
 from mbstudio.core.imaging import fit
-from mbstudio.core.populations import Population, measure_project
+from mbstudio.core.populations import Population
 from mbstudio.core.project import Project, ProjectState
+from mbstudio.core.project.measuring import measure_project
 from mbstudio.scene.reports import population_report
 from mbstudio.ui.stations.populations.work import Measured
 from mbstudio.ui.widgets.brush_plot import points_inside
