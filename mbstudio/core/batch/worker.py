@@ -16,8 +16,9 @@ from mbstudio.core.batch.body_messages import grain_message, grain_of
 from mbstudio.core.batch.messages import answer_requests, receive, send
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.grains.grain import Grain
-from mbstudio.core.imaging.steps import FitResult, Verdict
+from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.validity import Verdict
 
 
 def send_task(

@@ -6,21 +6,22 @@ import math
 import numbers
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from jaxtyping import Float64
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.imaging.depths import count_outside
 from mbstudio.core.imaging.preprocess import Cavities, PreparedGrain, prepare
 from mbstudio.core.imaging.start.control_points import control_of_spheres, with_number
 from mbstudio.core.imaging.start.sphere_clustering import Sphere, cluster_incrementally, cluster_overlapping
-from mbstudio.core.imaging.steps import FitResult, Method, SearchStep, Verdict
+from mbstudio.core.imaging.start.thin import number_needed
+from mbstudio.core.imaging.steps import FitResult, Method, SearchStep
 from mbstudio.core.metaball.avatar import Avatar
-
-if TYPE_CHECKING:
-    from mbstudio.core.metaball.topology import Topology
+from mbstudio.core.metaball.topology import Topology
+from mbstudio.core.metaball.validity import Verdict, check
 
 
 def clustered(prepared: PreparedGrain, n: int) -> list[Sphere]:
@@ -234,16 +235,12 @@ class StepRun(ABC):
         return note
 
     def _judge(self) -> Verdict:
-        from mbstudio.core.imaging.fast.guard import lies_outside
-        from mbstudio.core.imaging.start.thin import number_needed
-        from mbstudio.core.metaball.validity import check
-
         assert self.prepared is not None
         assert self.control is not None
         prepared = self.prepared
         return check(
             prepared.avatar(self.control), self.grain, rms=self._rms_now() * prepared.scale,
-            found=self._topology_known(), outside=lies_outside(self.control, prepared), asked=self.n,
+            found=self._topology_known(), outside=count_outside(self.control, prepared), asked=self.n,
             grain_genus=prepared.genus, needed=lambda: number_needed(prepared), kept=prepared.cavities,
             filled=prepared.filled_voxels,
         )  # fmt: skip

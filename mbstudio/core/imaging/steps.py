@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.validity import Verdict
 
 Phase = Literal["clustering", "search"]
 Method = Literal["fast", "paper"]
@@ -55,50 +56,6 @@ class SearchStep:
     @cached_property
     def avatar(self) -> Avatar:
         return self.make_avatar()
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether an avatar is a valid particle, and how true it is.
-
-    Attributes
-    ----------
-    valid : bool
-        One piece, no void (but those that were kept on purpose), every control point inside, volume
-        within 5 %.
-    pieces, voids : int
-        Connected pieces of the solid, and cavities inside it.
-    genus : int or None
-        Number of handles, from the Euler characteristic of the surface; None if unknown.
-    points_outside : int
-        Control points outside the grain.
-    volume_error : float
-        (V_avatar - V_grain) / V_grain.
-    rms : float
-        Root mean square surface distance in the grain's unit.
-    reasons : tuple of str
-        Why it is not valid, and what to do, in words for the user; empty when valid.
-    warnings : tuple of str
-        What the user should know though it makes no avatar invalid: cavities filled or kept, handles
-        that differ from the grain's.
-    smallest_neck : float or None
-        Diameter in the avatar's unit of the thinnest place between two thicker parts; of the
-        largest inscribed sphere if there is none; 0 for several pieces; None if unknown.
-    grain_genus : int or None
-        Number of handles of the grain's voxels; None if unknown.
-    """
-
-    valid: bool
-    pieces: int
-    voids: int
-    genus: int | None
-    points_outside: int
-    volume_error: float
-    rms: float
-    reasons: tuple[str, ...] = ()
-    smallest_neck: float | None = None
-    grain_genus: int | None = None
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

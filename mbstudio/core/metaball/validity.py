@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
+from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.neck import smallest_neck
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
-
-if TYPE_CHECKING:
-    from mbstudio.core.grains.grain import Grain
-    from mbstudio.core.imaging.steps import Verdict
+from mbstudio.core.units import conversion_factor
 
 MOST_VOLUME_ERROR = 0.05
 MOST_RMS = 0.08  # of the RMS radius
@@ -24,10 +22,52 @@ FEWEST_VOXELS_OF_ADVICE = 6
 """A control point of the number that the shape needs: sheets one voxel thick have fewer."""
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an avatar is a valid particle, and how true it is.
+
+    Attributes
+    ----------
+    valid : bool
+        One piece, no void (but those that were kept on purpose), every control point inside, volume
+        within 5 %.
+    pieces, voids : int
+        Connected pieces of the solid, and cavities inside it.
+    genus : int or None
+        Number of handles, from the Euler characteristic of the surface; None if unknown.
+    points_outside : int
+        Control points outside the grain.
+    volume_error : float
+        (V_avatar - V_grain) / V_grain.
+    rms : float
+        Root mean square surface distance in the grain's unit.
+    reasons : tuple of str
+        Why it is not valid, and what to do, in words for the user; empty when valid.
+    warnings : tuple of str
+        What the user should know though it makes no avatar invalid: cavities filled or kept, handles
+        that differ from the grain's.
+    smallest_neck : float or None
+        Diameter in the avatar's unit of the thinnest place between two thicker parts; of the
+        largest inscribed sphere if there is none; 0 for several pieces; None if unknown.
+    grain_genus : int or None
+        Number of handles of the grain's voxels; None if unknown.
+    """
+
+    valid: bool
+    pieces: int
+    voids: int
+    genus: int | None
+    points_outside: int
+    volume_error: float
+    rms: float
+    reasons: tuple[str, ...] = ()
+    smallest_neck: float | None = None
+    grain_genus: int | None = None
+    warnings: tuple[str, ...] = ()
+
+
 def points_outside(avatar: Avatar, grain: Grain) -> int:
     """Return how many control points lie in no voxel of the grain."""
-    from mbstudio.core.units import conversion_factor
-
     factor = conversion_factor(avatar.unit, grain.unit)
     index = np.rint((avatar.centers * factor - np.asarray(grain.origin)) / grain.voxel_size.xyz).astype(int)[
         :, ::-1
@@ -105,9 +145,6 @@ def check(
     filled : int
         Voxels of cavities that were filled, of which the verdict then warns.
     """
-    from mbstudio.core.imaging.steps import Verdict
-    from mbstudio.core.units import conversion_factor
-
     found = found or topology(avatar.control, cells)
     volume_error, counted = float("nan"), 0
     if grain is not None:

@@ -15,8 +15,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from mbstudio.core.imaging.steps import FitResult, Verdict
+from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.validity import Verdict
 
 _TEXT = h5py.string_dtype("utf-8")
 UNKNOWN_GENUS = -1

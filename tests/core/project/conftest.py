@@ -8,8 +8,9 @@ import pytest
 import tifffile
 
 from mbstudio.core.grains.grain_set import GrainSet
-from mbstudio.core.imaging.steps import FitResult, Verdict
+from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.validity import Verdict
 from mbstudio.core.project import FitSettings, ProjectState
 from mbstudio.core.scan import open_scan
 from mbstudio.core.units import VoxelSize

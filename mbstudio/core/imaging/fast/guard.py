@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from mbstudio.core.imaging.fast.homotopy import topology_errors
-from mbstudio.core.imaging.fast.levenberg_marquardt import depth_at
 from mbstudio.core.imaging.fast.refine import Refinement
 from mbstudio.core.imaging.fast.relocation import without_the_least_useful
 from mbstudio.core.imaging.preprocess import PreparedGrain
@@ -117,10 +116,3 @@ def force_sound(
     if grown > 1:
         notes.append(f"all weights grown by {100 * (grown - 1):.0f} % to join pieces and close voids")
     return control, found, ", ".join(notes)
-
-
-def lies_outside(control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain) -> int:
-    """Return how many control points lie in no voxel of the prepared grain."""
-    depth, slope = np.empty(control.shape[1]), np.empty((3, control.shape[1]))
-    depth_at(control[:3], prepared.distance, prepared.origin, prepared.spacing, depth, slope)
-    return int(np.count_nonzero(depth < -0.5 * prepared.voxel))

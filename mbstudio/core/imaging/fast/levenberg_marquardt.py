@@ -252,29 +252,3 @@ def solve_damped(matrix, damping, gradient, factor, step):  # pragma: no cover -
         for p in range(i):
             step[p] -= factor[i, p] * step[i]
     return True
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def depth_at(points, distance, origin, spacing, depth, slope):  # pragma: no cover - compiled
-    """Interpolate the signed distance and its gradient at points (rows x, y, z)."""
-    nz, ny, nx = distance.shape
-    for p in range(points.shape[1]):
-        fx = min(max((points[0, p] - origin[0]) / spacing[0], 0.0), nx - 1.001)
-        fy = min(max((points[1, p] - origin[1]) / spacing[1], 0.0), ny - 1.001)
-        fz = min(max((points[2, p] - origin[2]) / spacing[2], 0.0), nz - 1.001)
-        ix, iy, iz = int(fx), int(fy), int(fz)
-        fx, fy, fz = fx - ix, fy - iy, fz - iz
-        value = by_x = by_y = by_z = 0.0
-        for cz in range(2):
-            wz, sz = (fz, 1.0) if cz else (1.0 - fz, -1.0)
-            for cy in range(2):
-                wy, sy = (fy, 1.0) if cy else (1.0 - fy, -1.0)
-                for cx in range(2):
-                    wx, sx = (fx, 1.0) if cx else (1.0 - fx, -1.0)
-                    corner = distance[iz + cz, iy + cy, ix + cx]
-                    value += wz * wy * wx * corner
-                    by_x += wz * wy * sx * corner
-                    by_y += wz * sy * wx * corner
-                    by_z += sz * wy * wx * corner
-        depth[p] = value
-        slope[0, p], slope[1, p], slope[2, p] = by_x / spacing[0], by_y / spacing[1], by_z / spacing[2]

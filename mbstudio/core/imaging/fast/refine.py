@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from mbstudio.core.imaging.depths import depths_of, least_depths, push_in, settle_in
 from mbstudio.core.imaging.fast.levenberg_marquardt import (
     add_normal_matrix,
     curvature_of_rows,
-    depth_at,
     field_of_rows,
     jacobian_of_rows,
     solve_damped,
@@ -31,55 +31,6 @@ from mbstudio.core.imaging.fast.levenberg_marquardt import (
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import mesh_area, volume_and_area
-
-
-def least_depths(prepared: PreparedGrain, n: int) -> tuple[float, float]:
-    """Return the depth that control points are pulled to, and that below which none may go."""
-    voxel, deepest = prepared.fineness, prepared.deepest
-    soft = max(2 * voxel, float(np.clip(0.04 * np.sqrt(120 / n), 0.03, 0.08)))
-    hard = max(1.2 * voxel, soft / 2)
-    # Thin plates and grains of a few voxels have no such depth anywhere.
-    return min(soft, 0.6 * deepest), min(hard, 0.4 * deepest)
-
-
-def depths_of(
-    prepared: PreparedGrain, points: Float64[np.ndarray, "3 p"]
-) -> tuple[Float64[np.ndarray, "p"], Float64[np.ndarray, "3 p"]]:
-    """Return signed distance (positive inside) and its gradient at points (rows x, y, z)."""
-    depth, slope = np.empty(points.shape[1]), np.empty((3, points.shape[1]))
-    depth_at(points, prepared.distance, prepared.origin, prepared.spacing, depth, slope)
-    return depth, slope
-
-
-def push_in(
-    prepared: PreparedGrain,
-    control: Float64[np.ndarray, "r n"],
-    least: Float64[np.ndarray, "n"],
-    fallback: Float64[np.ndarray, "r n"],
-) -> None:
-    """Move points (rows x, y, z, ...) shallower than `least` inward, in place; else to `fallback`."""
-    for _ in range(3):
-        depth, slope = depths_of(prepared, control[:3])
-        low = depth < least
-        if not low.any():
-            return
-        norm = np.maximum((slope[:, low] ** 2).sum(axis=0), 1e-3)
-        control[:3, low] += slope[:, low] * ((least[low] - depth[low]) / norm)
-    stuck = depths_of(prepared, control[:3])[0] < np.minimum(least, prepared.voxel) - 1e-9
-    control[:3, stuck] = fallback[:3, stuck]
-
-
-def settle_in(prepared: PreparedGrain, control: Float64[np.ndarray, "4 n"], least: float) -> None:
-    """Bring the control points of a start, in place, as deep as the search allows and the shape lets."""
-    start = control.copy()
-    push_in(prepared, control, np.full(control.shape[1], least), start)
-    depth = depths_of(prepared, control[:3])[0]
-    outside = np.flatnonzero(depth < 0.25 * min(prepared.voxel, prepared.deepest))
-    if len(outside):
-        deep = np.argwhere(prepared.distance >= min(0.45 * prepared.voxel, prepared.deepest))
-        places = deep[:, ::-1] * prepared.spacing + prepared.origin
-        for i in outside:
-            control[:3, i] = places[((places - control[:3, i]) ** 2).sum(axis=1).argmin()]
 
 
 @dataclass(frozen=True)

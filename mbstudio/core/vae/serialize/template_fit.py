@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Float64
 
-from mbstudio.core.imaging.fast.guard import lies_outside, wrongly_empty
+from mbstudio.core.imaging.depths import count_outside
+from mbstudio.core.imaging.fast.guard import wrongly_empty
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
@@ -175,7 +176,7 @@ def fit_body(
     if found.is_sound and np.abs(np.log(matched[3] / search.control[3])).max() > 1e-3:
         found = topology(matched)
     search.control = matched
-    valid = found.is_sound and lies_outside(matched, prepared) == 0
+    valid = found.is_sound and count_outside(matched, prepared) == 0
     return FittedBody(
         frame.shape_points(matched[:3].T * prepared.scale + prepared.center),
         np.log(matched[3] / unit_length**2),

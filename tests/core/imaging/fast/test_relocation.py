@@ -7,9 +7,10 @@ import pytest
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
+from mbstudio.core.imaging.depths import least_depths
 from mbstudio.core.imaging.fast import relocation
 from mbstudio.core.imaging.fast.levenberg_marquardt import curvature_of_rows
-from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings, least_depths
+from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.fast.relocation import relocate
 from mbstudio.core.imaging.preprocess import prepare
 from mbstudio.core.metaball.surface import mesh_area
