@@ -6,50 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.goals import SmallestNumber
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.goals.likeness import Likeness
 from mbstudio.core.imaging.goals.target import FitTarget
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
 from mbstudio.core.imaging.steps import FitResult, SearchStep
-
-_FIRST = 10
-
-
-class SmallestNumber:
-    """The order in which numbers of control points are tried: doubled until one will do, then bisected.
-
-    Attributes
-    ----------
-    most : int
-        Tried at most.
-    too_few : int
-        The largest number that is known not to do (0: none was tried).
-    enough : int or None
-        The smallest number found that will do.
-
-    Notes
-    -----
-    The error falls with n but for a few percent of noise. What is found will do, and the number before it
-    will not; that no smaller one would, by chance, is not known.
-    """
-
-    def __init__(self, most: int) -> None:
-        self.most = most
-        self.too_few = 0
-        self.enough: int | None = None
-
-    def next(self) -> int | None:
-        """Return the number to be tried next; None at the end."""
-        if self.enough is not None:
-            return (self.too_few + self.enough) // 2 if self.enough - self.too_few > 1 else None
-        return min(max(_FIRST, 2 * self.too_few), self.most) if self.too_few < self.most else None
-
-    def tell(self, n: int, *, will_do: bool) -> None:
-        """Take down what came of a number."""
-        if will_do:
-            self.enough = n
-        else:
-            self.too_few = n
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +113,7 @@ class TargetFit:
 
     def _all_steps(self) -> Iterator[SearchStep]:
         before = f"target {self.target}"
-        while (n := self._numbers.next()) is not None:
+        while (n := self._numbers.choose_next()) is not None:
             try:
                 run = self._new_run(n)
                 for step in run:
@@ -163,11 +125,11 @@ class TargetFit:
                 continue
             except FitError as error:  # one number that cannot be fitted must not end the search
                 self._failure = error
-                self._numbers.tell(n, will_do=False)
+                self._numbers.record(n, will_do=False)
                 before = f"n = {n} could not be fitted: {error}"
                 continue
             tried = self._tried(run)
-            self._numbers.tell(n, will_do=tried.is_met)
+            self._numbers.record(n, will_do=tried.is_met)
             before = f"n = {n} {'reached' if tried.is_met else 'missed'} the target: {self._told(tried)}"
             if tried.is_better_than(self._best):
                 self._best = tried
@@ -192,7 +154,7 @@ class TargetFit:
         return _Tried(run, result, values, is_met, self.target.shortfall(values))
 
     def _told(self, tried: _Tried) -> str:
-        told = self.target.told(tried.values)
+        told = self.target.describe(tried.values)
         return told if tried.result.verdict.valid else f"{told}, and the avatar is not valid"
 
     # ---- what is at hand -----------------------------------------------------------------------
@@ -219,7 +181,7 @@ class TargetFit:
 
     def _why(self, best: _Tried) -> str:
         """Return in words that the target was not reached, and why."""
-        result, missed = best.result, self.target.told(best.values, only_missed=True)
+        result, missed = best.result, self.target.describe(best.values, only_missed=True)
         faults = [f"has {missed}"] if missed else []
         if not result.verdict.valid:
             faults.append("is not valid")

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64
 
 from mbstudio.core.errors import GenerationError, UnitError
+from mbstudio.core.goals import UNSIGNED, spell_measure, split_sentence
 from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, parse_unit
 
@@ -26,7 +27,7 @@ CURVE_TOLERANCE = 1.0
 SIEVE_SIZE = "intermediate"
 """The factor that a sieve sorts by."""
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = rf"[+-]?{UNSIGNED}"
 _QUANTITY = re.compile(rf"^\s*({_NUMBER})\s*([^\d\s.²³]*)\s*\^?([23²³]?)\s*$")
 _POWERS = {"": 1, "2": 2, "²": 2, "3": 3, "³": 3}
 _PERCENTILE = re.compile(r"^[dD](\d{1,2})$")
@@ -227,7 +228,7 @@ def parse_targets(texts: Sequence[str], unit: str) -> tuple[Target, ...]:
         and standard deviation), ``D50=0.4 mm`` (half of the mass is finer, by the intermediate axis),
         ``sieve=0.3:10,0.4:55,0.6:100 mm`` (a sieve curve, percent finer by mass) and
         ``sphericity=0.7:10,0.8:60`` (a cumulative distribution by number). Several may stand in one text,
-        separated by semicolons. A length without a unit is in `unit`.
+        separated by semicolons or "and". A length without a unit is in `unit`.
     unit : str
         Of the parents; the targets are in it.
 
@@ -236,7 +237,7 @@ def parse_targets(texts: Sequence[str], unit: str) -> tuple[Target, ...]:
     GenerationError
         If a text cannot be read, or names a factor that is not known.
     """
-    words = [word for text in texts for word in text.split(";") if word.strip()]
+    words = [word for text in texts for word in split_sentence(text, ";")]  # commas part a curve's points
     return tuple(_parsed(word, parse_unit(unit)) for word in words)
 
 
@@ -250,6 +251,7 @@ def _parsed(text: str, unit: str) -> Target:
         if not 0 < percent < 100:
             raise GenerationError(f"'{text}' cannot be read: give D1 to D99.")
         return FactorCurve(SIEVE_SIZE, (_quantity(value, SIEVE_SIZE, unit, text),), (percent,), "mass", unit)
+    name = spell_measure(name)
     if name == "sieve":
         return _curve(value, SIEVE_SIZE, "mass", unit, text)
     if name not in FACTOR_NAMES:

@@ -9,8 +9,8 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QSpinBox, QVBoxLayout, QWidget
 
 from mbstudio.core.dem.formats.clump_files import CLUMP_TARGET
-from mbstudio.core.dem.shapes.clump_target import MOST_SPHERES
 from mbstudio.core.dem.target import Target
+from mbstudio.core.goals import MOST_PARTS
 from mbstudio.core.options import Option
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.forms import empty, row
@@ -56,7 +56,7 @@ class ClumpChoice(QWidget):
         self.limit = QDoubleSpinBox()
         self.most = QSpinBox()
         self.most.setRange(2, 2000)
-        self.most.setValue(MOST_SPHERES)
+        self.most.setValue(MOST_PARTS)
         for field in (self.number, self.limit, self.most):
             field.setKeyboardTracking(False)
         self._number_row = row(tr("Spheres in each clump"), self.number, tr(_TIPS[""]))

@@ -290,7 +290,7 @@ class FitPanel(Panel):
         if fit.target:
             aims = FitTarget.parse(fit.target)
             met = tr("Target reached") if reaches(fit) else tr("Target not reached")
-            text += f"\n{met}: {aims.told(fit.reached)}" if fit.reached else f"\n{met}"
+            text += f"\n{met}: {aims.describe(fit.reached)}" if fit.reached else f"\n{met}"
         self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))
         self._reasons.show()
 

@@ -27,7 +27,7 @@ def fit_told(label: int, fit: FitResult) -> str:
         error=100 * verdict.volume_error,
     )
     if fit.target and reaches(fit):
-        reached = FitTarget.parse(fit.target).told(fit.reached)
+        reached = FitTarget.parse(fit.target).describe(fit.reached)
         told = " ".join((told, tr("It reaches the target: {figures}.", figures=reached)))
     return told
 

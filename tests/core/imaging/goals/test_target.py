@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.goals import Aim, SmallestNumber
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitTarget, fit, start_fit
 from mbstudio.core.imaging.fast import fast
 from mbstudio.core.imaging.fast.fast import FastFit
-from mbstudio.core.imaging.goals.target import Aim
-from mbstudio.core.imaging.goals.target_fit import SmallestNumber
 from mbstudio.core.units import VoxelSize
 from tests.core.imaging.imaging_shapes import ellipsoid, grain_where
 
@@ -82,9 +81,9 @@ def test_what_is_met_and_how_far_off() -> None:
 )
 def test_numbers_are_doubled_then_bisected(least: int, most: int, order: list[int]) -> None:
     numbers, tried = SmallestNumber(most), []
-    while (n := numbers.next()) is not None:
+    while (n := numbers.choose_next()) is not None:
         tried.append(n)
-        numbers.tell(n, will_do=n >= least)
+        numbers.record(n, will_do=n >= least)
     assert tried == order
     assert numbers.enough == (least if least <= most else None)
 
