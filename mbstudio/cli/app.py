@@ -73,7 +73,7 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error arose.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     context.obj = {"debug": debug}
     if not debug:
@@ -106,16 +106,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         named = f"{error.filename}: " if error.filename else ""
         _fail(f"{named}{error.strerror or error}", debug)
     except MemoryError:
-        _fail(
-            "The memory of this machine is not enough: close other programs, or cut the scan smaller.", debug
-        )
+        _fail("There is not enough memory on this machine: close other programs, or crop the scan.", debug)
     except KeyboardInterrupt:
         console.tell("mbstudio: interrupted.")
         sys.exit(INTERRUPTED)
     except Exception as error:
         _fail(
-            f"This is a fault in mbstudio itself ({type(error).__name__}: {error}). "
-            "Start the command as 'mbstudio --debug ...' to see where, and report it.",
+            f"This is a bug in mbstudio ({type(error).__name__}: {error}). "
+            "Run 'mbstudio --debug ...' to see where it arose, and report it.",
             debug,
         )
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 TABLE = "latents.csv"
 _TOLERANCE = 0.02
 _MISSED = 0.1
-"""Standard deviations that a step may fall short of what was asked before that is told."""
+"""Standard deviations that a step may fall short before a message says so."""
 
 
 class ByHand:
@@ -78,7 +78,7 @@ class ByHand:
             vector = table.filter(regex=r"^z\d+$").loc[name].to_numpy(dtype=float)
         except (OSError, KeyError, ValueError) as error:
             raise StyleError(
-                f"{path} tells no latent vector of '{name}' ({error}): give a grain of its column 'name'."
+                f"{path} has no latent vector of '{name}' ({error}): give a name from its column 'name'."
             ) from error
         return self._of_this_size(path, vector)
 
@@ -88,7 +88,9 @@ class ByHand:
         try:
             records = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise StyleError(f"{path} cannot be read as recipes ({error}).") from error
+            raise StyleError(
+                f"{path} cannot be read as recipes ({error}): give a recipes.json that mbstudio wrote."
+            ) from error
         recipes = [recipe_of(record) for record in (records if isinstance(records, list) else [])]
         found = next((recipe for recipe in recipes if recipe.name == name), None)
         if found is None:
@@ -96,14 +98,14 @@ class ByHand:
             raise StyleError(f"{path} holds no recipe '{name}': it holds {known}.")
         vector = self._of_this_size(path, found.vector)
         if found.style and found.style != style_digest(self.learner):
-            raise StyleError(f"{name} in {path} was made with another style-learner: give that one.")
+            raise StyleError(f"{name} in {path} was made with another style-learner: use that style-learner.")
         return vector
 
     def _of_this_size(self, path: Path, vector: np.ndarray) -> np.ndarray:
         if vector.shape != (self.learner.dimension,):
             raise StyleError(
-                f"{path} holds latent vectors of {vector.size} numbers, this style-learner has "
-                f"{self.learner.dimension}: give the style-learner that they were made with."
+                f"{path} holds latent vectors of {vector.size} numbers, but this style-learner has "
+                f"{self.learner.dimension}: use the style-learner that they were made with."
             )
         return vector
 
@@ -148,7 +150,9 @@ class ByHand:
         from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
         if not by:
-            raise StyleError("Say how to move the grain: --by csf=-1, in standard deviations of the parents.")
+            raise StyleError(
+                "--move needs a distance: give for example --by csf=-1 (standard deviations of the parents)."
+            )
         here, steps = self.latent(name), numbers(by)
         moved = self.meanings.moved(here, steps)
         before, after = self.meanings.units(self.meanings.factors(np.stack([here, moved])))
@@ -156,8 +160,8 @@ class ByHand:
             went = float((after - before)[MEANINGS.index(meaning)])
             if abs(went - step) > _MISSED * max(1.0, abs(step)):
                 console.tell(
-                    f"mbstudio: {meaning} moves by {went:+.2f} of {step:+g} s.d.: the parents' "
-                    "range ends there, or the other factors cannot be held farther on."
+                    f"mbstudio: {meaning} moves by {went:+.2f} instead of {step:+g} s.d.: the parents' "
+                    "range ends there, or the other factors cannot be held any farther."
                 )
         return moved[None]
 
@@ -175,11 +179,11 @@ def _refusal(found: Design, targets: str) -> str:
     reached = ", ".join(f"{name} {value:.4g}" for name, value in found.reached.items())
     if not found.is_possible(_TOLERANCE):
         csf = found.targets.get("csf", 1.0)
-        why = "ratios are 1 at most"
+        why = "ratios are at most 1"
         if FLATTEST <= csf <= 1.0:
             why = f"the most spherical body of csf {csf:g} has {highest_sphericity(csf):.3f}"
-        return f"No body at all has {targets}: {why}. The nearest grain of these parents has {reached}."
-    return f"These parents cannot give {targets}: the nearest grain has {reached}."
+        return f"No body can have {targets}: {why}. The closest grain of these parents has {reached}."
+    return f"These parents cannot give {targets}: the closest grain has {reached}."
 
 
 def numbers(words: list[str]) -> dict[str, float]:

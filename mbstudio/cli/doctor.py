@@ -41,7 +41,7 @@ print("FOUND" + json.dumps(found))
 """
 
 
-HELP = "Tell versions, OpenGL, PyTorch's device, and which DEM engines are there."
+HELP = "Show versions, OpenGL, the device of PyTorch, and the DEM engines that are found."
 
 
 def doctor(as_json: inputs.JsonOption = False) -> None:

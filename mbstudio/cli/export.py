@@ -35,27 +35,29 @@ HELP = "Write avatars for a DEM engine, each with its centre of mass at the orig
 def export(
     source: Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with avatars.")],
     target: Annotated[
-        str, typer.Option("--to", metavar="TARGET", help="A kind of DEM file; --targets lists them.")
+        str, typer.Option("--to", metavar="TARGET", help="Kind of DEM files; --targets lists all.")
     ],
-    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")],
-    density: Annotated[float | None, typer.Option("--density", help="Of the grains, in kg/m3.")] = None,
+    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")],
+    density: Annotated[
+        float | None, typer.Option("--density", help="Density of the grains, in kg/m3.")
+    ] = None,
     unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
     select: Annotated[
         str,
         typer.Option(
             "--select",
             metavar="all|valid|3,5,9|kept",
-            help="Which avatars; labels may be ranges (1-20). kept: the grains kept in the latent studio; "
-            "kept:flat one,kept 2 those of these names.",
+            help="Avatars to export; labels may be ranges (1-20). 'kept' takes the grains kept in the latent "
+            "studio, 'kept:flat one,kept 2' those with these names.",
         ),
     ] = "valid",
-    spheres: Annotated[int | None, typer.Option("--spheres", help="Spheres of each clump.")] = None,
+    spheres: Annotated[int | None, typer.Option("--spheres", help="Number of spheres of each clump.")] = None,
     error: Annotated[
         float | None,
         typer.Option(
             "--error",
             metavar="PERCENT",
-            help="Largest distance of a mesh and its avatar in % of D_n; as few triangles as stay within it.",
+            help="Largest distance of a mesh to its avatar in % of D_n; the coarsest such mesh is taken.",
         ),
     ] = None,
     clump_target: Annotated[
@@ -63,42 +65,50 @@ def export(
         typer.Option(
             "--clump-target",
             metavar="TARGET",
-            help="What each clump is to reach with as few spheres as may be: 'iou 0.95', 'hausdorff 3 %', "
-            "'volume 1 %', 'inertia 1 %'; 'and n 200' sets the most spheres.",
+            help="Find the fewest spheres that reach this: 'iou 0.95', 'hausdorff 3 %', 'volume 1 %', "
+            "'inertia 1 %'; 'and n 200' sets the largest number.",
         ),
     ] = None,
     option: Annotated[
         list[str] | None,
-        typer.Option("--option", metavar="NAME=VALUE", help="A further option of the target."),
+        typer.Option("--option", metavar="NAME=VALUE", help="An option of the target; repeat for more."),
     ] = None,
     specimen: Annotated[
         int | None,
-        typer.Option("--specimen", metavar="N", help="Also place N particles of a size distribution."),
+        typer.Option(
+            "--specimen", metavar="N", help="Also fill a box with N particles of a size distribution."
+        ),
     ] = None,
     curve: Annotated[
         str | None,
         typer.Option(
             "--curve",
             metavar="SIZE:FINER,...",
-            help="Its sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or end with a unit).",
+            help="Sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or add a unit at the end).",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the specimen.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the specimen.")] = 0,
     share: Annotated[
         list[str] | None,
-        typer.Option("--share", metavar="NAME=SHARE", help="How often the specimen takes an avatar."),
+        typer.Option(
+            "--share", metavar="NAME=SHARE", help="Relative frequency of an avatar in the specimen."
+        ),
     ] = None,
     box_width: Annotated[
-        float | None, typer.Option("--box-width", help="Of the specimen's box, in the unit of the curve.")
+        float | None,
+        typer.Option("--box-width", help="Width of the specimen's box, in the unit of the curve."),
     ] = None,
     _targets: Annotated[
         bool,
         typer.Option(
-            "--targets", is_eager=True, callback=_tell_targets, help="Tell all targets with their options."
+            "--targets",
+            is_eager=True,
+            callback=_tell_targets,
+            help="List all targets with their options, and exit.",
         ),
     ] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that holds other files too.")
+        bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
@@ -114,7 +124,7 @@ def export(
         options["error"] = error
     if clump_target is not None:
         if spheres is not None:
-            raise ExportError("--spheres and --clump-target exclude each other: give one of them.")
+            raise ExportError("--spheres and --clump-target exclude each other: give only one of them.")
         options["clump_target"] = clump_target
     project = Project.open(source)
     names: list[str] | None = None
@@ -165,7 +175,7 @@ def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
         If there is none, or a grain that is named has none.
     """
     if not project.fits:
-        raise ExportError(f"{source} holds no avatars yet: fit them with 'mbstudio fit {source}' first.")
+        raise ExportError(f"{source} has no avatars yet: fit them with 'mbstudio fit {source}' first.")
     if select == "all":
         return project.avatars
     if select == "valid":
@@ -175,7 +185,7 @@ def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
         if not chosen:
             raise ExportError(
                 f"None of the {len(project.fits)} avatars of {source} is valid: "
-                "use --select all to have them anyway."
+                "use --select all to export them anyway."
             )
         return chosen
     labels = inputs.numbers_in(select, "--select") or []
@@ -204,15 +214,16 @@ def choose_kept(
     if style is None or not kept:
         there = len(project.state.kept)
         raise ExportError(
-            f"The {there} kept grains of {source} belong to another style-learner than the project's."
+            f"The {there} kept grains of {source} were made with another style-learner than the project's: "
+            "open that one at station Latent and save the project."
             if there
-            else f"{source} holds no kept grains: keep some at station Latent and save the project."
+            else f"{source} has no kept grains: keep some at station Latent and save the project."
         )
     wanted = [name.strip() for name in select.partition(":")[2].split(",") if name.strip()]
     known = {grain.name: grain for grain in kept}
     for name in wanted:
         if name not in known:
-            raise ExportError(f"{source} has no kept grain '{name}': there are {', '.join(known)}.")
+            raise ExportError(f"{source} has no kept grain '{name}': choose from {', '.join(known)}.")
     return to_export(style, [known[name] for name in wanted] or kept)
 
 
@@ -230,10 +241,12 @@ def _plan(
 
     if count is None:
         if curve or shares or width is not None:
-            raise ExportError("--curve, --share and --box-width belong to a specimen: give --specimen N too.")
+            raise ExportError("--curve, --share and --box-width need a specimen: give --specimen N too.")
         return None
     if curve is None:
-        raise ExportError("A specimen needs its size distribution: give --curve 0.1:0,0.3:40,0.8:100 (mm).")
+        raise ExportError(
+            "A specimen needs a size distribution: give for example --curve '0.1:0,0.3:40,0.8:100 mm'."
+        )
     numbers = {}
     for name, value in _options(shares).items():
         if isinstance(value, str | bool):

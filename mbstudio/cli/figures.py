@@ -15,12 +15,14 @@ HELP = "Draw the paper's figures 2, 3, 5 and 6 from synthetic grains."
 
 
 def figures(
-    folder: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Where the pictures go.")
-    ] = Path("figures"),
-    grains: Annotated[int, typer.Option("--grains", min=1, help="Grains of each of the four kinds.")] = 2,
+    folder: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Output folder.")] = Path(
+        "figures"
+    ),
+    grains: Annotated[
+        int, typer.Option("--grains", min=1, help="Number of grains of each of the four kinds.")
+    ] = 2,
     diameter: Annotated[
-        float, typer.Option("--diameter", min=16, max=400, metavar="VOXELS", help="Size of the grains.")
+        float, typer.Option("--diameter", min=16, max=400, metavar="VOXELS", help="Diameter of the grains.")
     ] = 80.0,
     as_json: inputs.JsonOption = False,
 ) -> None:

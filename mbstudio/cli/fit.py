@@ -37,8 +37,8 @@ def _tell_options(wanted: bool) -> None:
 
 HELP = """Fit avatars to all grains that the border does not cut, and save the project.
 
-Grains are found first where the project or scan has none yet. When interrupted, the
-project is saved with the avatars there are; the same command then goes on with the rest.
+If the project or scan has no grains yet, they are found first. When interrupted, the command
+saves the finished avatars; the same command then continues with the rest.
 """
 
 
@@ -51,24 +51,27 @@ def fit(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="Project file; a project is saved in place by default."
+            "--output", "-o", metavar="FILE", help="Project file; by default a project is saved in place."
         ),
     ] = None,
     method: Annotated[
-        str, typer.Option("--method", help="'fast', or 'paper' for its algorithms to the letter.")
+        str, typer.Option("--method", help="'fast', or 'paper' for the published algorithms.")
     ] = "fast",
     option: Annotated[
         list[str] | None,
         typer.Option(
             "--option",
             metavar="NAME=VALUE",
-            help="An option of the method; may be given again. --options tells them all.",
+            help="An option of the method; repeat for more. --options lists all.",
         ),
     ] = None,
     _options: Annotated[
         bool,
         typer.Option(
-            "--options", is_eager=True, callback=_tell_options, help="Tell the options of both methods."
+            "--options",
+            is_eager=True,
+            callback=_tell_options,
+            help="List the options of both methods, and exit.",
         ),
     ] = False,
     cavities: Annotated[
@@ -80,17 +83,18 @@ def fit(
         typer.Option(
             "--target",
             metavar="WORDS",
-            help="As few control points as reach this, instead of -n: 'volume 0.5 % and hausdorff 2 %'.",
+            help="Find the fewest control points that reach this, instead of -n: "
+            "'volume 0.5 % and hausdorff 2 %'.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random numbers.")] = 0,
     workers: inputs.WorkersOption = None,
     grains: Annotated[
         str | None, typer.Option("--grains", metavar="3,5,9", help="Fit only these labels (1-20 is a range).")
     ] = None,
-    limit: Annotated[int | None, typer.Option("--limit", help="Fit only so many grains.")] = None,
+    limit: Annotated[int | None, typer.Option("--limit", help="Fit at most this many grains.")] = None,
     refit: Annotated[
-        bool, typer.Option("--refit", help="Fit grains anew that have an avatar already.")
+        bool, typer.Option("--refit", help="Also fit grains that already have an avatar.")
     ] = False,
     labels: inputs.LabelsOption = None,
     splitting: inputs.SplittingOption = None,
@@ -102,7 +106,7 @@ def fit(
     ] = 120,
     scan: inputs.ScanOption = None,
     embed_scan: Annotated[
-        bool, typer.Option("--embed-scan", help="Keep the scan's voxels in the project.")
+        bool, typer.Option("--embed-scan", help="Store the scan's voxels in the project.")
     ] = False,
     shape: inputs.ShapeOption = None,
     dtype: inputs.DtypeOption = None,
@@ -160,11 +164,13 @@ def fit(
         console.tell(f"mbstudio: and {len(warned) - 5} more grains with warnings.")
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
-        console.tell(f"mbstudio: interrupted with {left} grains to go: fit {output} to go on.")
+        console.tell(
+            f"mbstudio: interrupted; {left} grains are left: run 'mbstudio fit {output}' to continue."
+        )
         raise typer.Exit(INTERRUPTED)
     if chosen and not outcome.fits:
         raise FitError(
-            f"None of the {len(chosen)} grains of {source} could be fitted: see the reasons above."
+            f"None of the {len(chosen)} grains of {source} could be fitted: the reasons are listed above."
         )
 
 
@@ -179,19 +185,19 @@ class Outcome:
 
 def _choose_output(source: Path, output: Path | None) -> Path:
     if not source.exists():
-        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     if output is not None:
         return inputs.require_project_output(output)
     if inputs.is_project(source):
         return source
     output = Path(source.name).with_suffix(inputs.PROJECT_ENDING)
     if output.exists():
-        raise MbstudioError(f"{output} is there already: say with -o where to save the project.")
+        raise MbstudioError(f"{output} already exists: choose another file for the project with -o.")
     return inputs.require_project_output(output)
 
 
 def choose_labels(project: Project, wanted: list[int] | None, limit: int | None, refit: bool) -> list[int]:
-    """Return the labels to fit: all interior grains without an avatar unless told otherwise."""
+    """Return the labels to fit: all interior grains without an avatar by default."""
     assert project.grains is not None
     if limit is not None and limit < 1:
         raise FitError(f"--limit {limit} leaves no grain to fit: give at least 1.")
@@ -240,7 +246,7 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
                 if item.result is not None:
                     outcome.fits[item.label] = item.result
                 else:
-                    outcome.failures[item.label] = item.error or "for an unknown reason"
+                    outcome.failures[item.label] = item.error or "The reason is unknown."
                 report(done / len(labels), f"{done} of {len(labels)} grains")
         except KeyboardInterrupt:
             outcome.interrupted = True

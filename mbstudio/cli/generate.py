@@ -20,35 +20,39 @@ if TYPE_CHECKING:
 TABLE = "factors.csv"
 
 
-HELP = """Generate new valid grains whose factors are distributed like their parents', or as asked for.
+HELP = """Generate new valid grains whose factors are distributed like their parents', or as --where states.
 
 Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
-them; factors.csv holds the shape factors of all.
+them. factors.csv holds the shape factors of all clones.
 """
 
 
 def generate(
     style: Annotated[Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")],
-    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the clones go.")],
-    count: Annotated[int, typer.Option("--count", help="How many clones.")] = 100,
+    folder: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder of the clones.")
+    ],
+    count: Annotated[int, typer.Option("--count", help="Number of clones.")] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same clones.")] = 0,
     where: Annotated[
         list[str] | None,
         typer.Option(
             "--where",
             metavar="WORDS",
-            help="What they are to be like: 'sphericity=0.75..0.8', 'csf=0.7+-0.05', 'D50=0.4 mm', "
-            "'sieve=0.3:10,0.4:55,0.6:100 mm'; may be given again.",
+            help="A condition on the clones: 'sphericity=0.75..0.8', 'csf=0.7+-0.05', 'D50=0.4 mm', "
+            "'sieve=0.3:10,0.4:55,0.6:100 mm'; repeat for more.",
         ),
     ] = None,
     unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
     report: Annotated[
         Path | None,
-        typer.Option("--report", metavar="FILE", help="Write parents and clones compared, as an HTML file."),
+        typer.Option(
+            "--report", metavar="FILE", help="Write a comparison of parents and clones as an HTML file."
+        ),
     ] = None,
     workers: inputs.WorkersOption = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that holds other files too.")
+        bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
@@ -63,7 +67,9 @@ def generate(
     if report is not None:
         require_table_output(report, style)
     if folder.resolve() == style.resolve():
-        raise GenerationError(f"{folder} is the folder of the style-learner: give the clones another one.")
+        raise GenerationError(
+            f"{folder} is the folder of the style-learner: choose another folder for the clones."
+        )
     check_replaceable(folder, files_of_earlier_export, overwrite)
     learner = load_style_learner(style)
     processes = workers or usable_cores()
@@ -81,7 +87,7 @@ def generate(
     console.print_facts(f"Clones in the style of {style.name}", summary)
     if found.reached:
         console.print_table(
-            "Asked for", ("", "wanted", "found"), [(f.what, f.wanted, f.found) for f in found.reached]
+            "Conditions", ("", "target", "found"), [(f.what, f.wanted, f.found) for f in found.reached]
         )
     if quality is not None:
         _print_quality(quality)
@@ -159,5 +165,5 @@ def _print_quality(quality: Quality) -> None:
         "diversity": quality.novelty.diversity,
     }
     if quality.discrimination is not None:
-        facts["told_from_parents_auc"] = quality.discrimination.auc
-    console.print_facts("How new they are", facts)
+        facts["classifier_auc"] = quality.discrimination.auc
+    console.print_facts("Novelty", facts)

@@ -16,9 +16,9 @@ HELP = "Open the window."
 
 def gui(
     source: Annotated[
-        Path | None, typer.Argument(metavar="[SCAN|PROJECT]", help="What to open; nothing by default.")
+        Path | None, typer.Argument(metavar="[SCAN|PROJECT]", help="Scan or project to open.")
     ] = None,
-    sample: Annotated[bool, typer.Option("--sample", help="Begin with the built-in sample scan.")] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="Start with the built-in sample scan.")] = False,
 ) -> None:
     """Run ``mbstudio gui``; `HELP` says what it does."""
     from mbstudio.scene.pictures.offscreen import has_display
@@ -26,9 +26,11 @@ def gui(
     if sample and source is not None:
         raise MbstudioError(f"Give either --sample or {source}, not both.")
     if source is not None and not source.exists():
-        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     if not has_display() and not os.environ.get("QT_QPA_PLATFORM"):
-        raise MbstudioError("There is no display for a window: use 'mbstudio tour', or go to a desktop.")
+        raise MbstudioError(
+            "There is no display for the window: use 'mbstudio tour' instead, or run it on a desktop."
+        )
     from mbstudio.ui.shell.collection import pause_collection
 
     pause_collection()

@@ -26,38 +26,36 @@ VoxelSizeOption = Annotated[
     ),
 ]
 ShapeOption = Annotated[
-    str | None, typer.Option("--shape", metavar="Z,Y,X", help="Number of voxels of a RAW file.")
+    str | None, typer.Option("--shape", metavar="Z,Y,X", help="Voxels of a RAW file along each axis.")
 ]
 DtypeOption = Annotated[
-    str | None, typer.Option("--dtype", metavar="TYPE", help="Voxel type of a RAW file, such as uint16.")
+    str | None, typer.Option("--dtype", metavar="TYPE", help="Data type of a RAW file, such as uint16.")
 ]
 HeaderOption = Annotated[int, typer.Option("--header-bytes", help="Bytes before the voxels of a RAW file.")]
-EndianOption = Annotated[bool, typer.Option("--big-endian", help="Byte order of a RAW file.")]
+EndianOption = Annotated[bool, typer.Option("--big-endian", help="The RAW file is big-endian.")]
 SplittingOption = Annotated[
     float | None, typer.Option("--splitting", help="How readily touching grains are split, 0 to 1.")
 ]
 SmallestOption = Annotated[
-    int | None, typer.Option("--smallest", metavar="VOXELS", help="Smallest grain that counts.")
+    int | None, typer.Option("--smallest", metavar="VOXELS", help="Volume of the smallest grain that counts.")
 ]
 ThresholdOption = Annotated[
     float | None,
-    typer.Option("--threshold", help="Grey value between void and grain; found by itself if not given."),
+    typer.Option("--threshold", help="Grey value between void and grain; found automatically by default."),
 ]
 LabelsOption = Annotated[
     Path | None, typer.Option("--labels", metavar="FILE", help="Use this label image instead of segmenting.")
 ]
 ScanOption = Annotated[
-    Path | None, typer.Option("--scan", metavar="PATH", help="Where the project's scan lies now.")
+    Path | None, typer.Option("--scan", metavar="PATH", help="Where the project's scan is now.")
 ]
 WorkersOption = Annotated[
-    int | None, typer.Option("--workers", help="Processes at work; as many as there are cores by default.")
+    int | None, typer.Option("--workers", help="Number of processes; one per core by default.")
 ]
 UnitOption = Annotated[
-    str | None, typer.Option("--unit", help="Length unit of a mesh's numbers: nm, um, mm, cm or m.")
+    str | None, typer.Option("--unit", help="Length unit of a mesh's coordinates: nm, um, mm, cm or m.")
 ]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
-]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result, as JSON, on stdout.")]
 
 
 def is_project(path: Path) -> bool:
@@ -112,9 +110,11 @@ def numbers_in(text: str | None, option: str) -> list[int] | None:
                 first, _, last = word.partition("-")
                 labels.extend(range(int(first), int(last or first) + 1))
     except ValueError as error:
-        raise MbstudioError(f"{option} '{text}' cannot be read: write labels as 3,5,9 or 1-20.") from error
+        raise MbstudioError(
+            f"{option} '{text}' cannot be read: write whole numbers as 3,5,9 or 1-20."
+        ) from error
     if not labels:
-        raise MbstudioError(f"{option} '{text}' names no grain: write labels as 3,5,9 or 1-20.")
+        raise MbstudioError(f"{option} '{text}' holds no number: write whole numbers as 3,5,9 or 1-20.")
     return labels
 
 
@@ -133,7 +133,9 @@ def find_grains(project: Project, labels: Path | None, settings: dict[str, Any])
 
     scan = project.scan
     if scan is None:
-        raise ProjectError("The project has no scan to find grains in.")
+        raise ProjectError(
+            "The project has no scan to segment: make a project from a scan with 'mbstudio segment'."
+        )
     if labels is not None:
         grains = load_labels(labels, scan)
         project.change("Load labels", grains=grains, segmentation=None, fits={})
@@ -165,9 +167,9 @@ def require_project_output(path: Path) -> Path:
 
     folder = path.resolve().parent
     if not folder.is_dir():
-        raise ProjectError(f"{path} cannot be written: the folder {folder} is not there.")
+        raise ProjectError(f"{path} cannot be written: the folder {folder} does not exist.")
     if not os.access(folder, os.W_OK):
-        raise ProjectError(f"{path} cannot be written: the folder {folder} is read-only for you.")
+        raise ProjectError(f"{path} cannot be written: you may not write into the folder {folder}.")
     if path.is_dir():
         raise ProjectError(f"{path} is a folder: give the name of a project file ending in {PROJECT_ENDING}.")
     if path.exists():
@@ -177,6 +179,6 @@ def require_project_output(path: Path) -> Path:
                 ours = file.attrs.get("format") == FORMAT
         if not ours:
             raise ProjectError(
-                f"{path} is there and is no project of mbstudio: choose another name for the project."
+                f"{path} exists and is not an mbstudio project: choose another name for the project."
             )
     return path

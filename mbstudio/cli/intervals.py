@@ -63,7 +63,7 @@ def with_intervals(table: pd.DataFrame, rows: list[Row], unit: str) -> pd.DataFr
 
 
 def print_intervals(rows: list[Row]) -> None:
-    """Print factor by factor what a grain has, between what, and what its avatar has beside it."""
+    """Print factor by factor the value of a grain, its interval, and the value of its avatar."""
     shown = [row for row in rows if "interval" in row]
     for row in shown[:MOST_SHOWN]:
         avatar, error = row.get("avatar", {}), row.get("relative_error", {})
@@ -76,7 +76,10 @@ def print_intervals(rows: list[Row]) -> None:
             ],
         )
     if len(shown) > MOST_SHOWN:
-        console.tell(f"mbstudio: and the intervals of {len(shown) - MOST_SHOWN} more grains, see --csv.")
+        console.tell(
+            f"mbstudio: {len(shown) - MOST_SHOWN} more grains have intervals: "
+            "write the table with --csv to see all."
+        )
 
 
 def _percent(error: float | None) -> float | None:

@@ -23,60 +23,64 @@ HELP = """Shape grains by hand: interpolate, add, blend, vary, move along meanin
 
 A, B and C are parents, by name or by number from 1; files with a mesh or an avatar; or grains made
 before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, elongation, csf,
-sphericity and roughness. Without one of these options: what the style-learner knows.
+sphericity and roughness. Without an operation, the command describes the style-learner.
 """
 
 
 def latent(
     style: Annotated[Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")],
     folder: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where the grains go.")
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")
     ] = None,
     interpolate: Annotated[
         tuple[str, str] | None,
-        typer.Option("--interpolate", metavar="A B", help="Grains on the way from A to B, ends included."),
+        typer.Option("--interpolate", metavar="A B", help="Interpolate from A to B, ends included."),
     ] = None,
     add: Annotated[
         tuple[str, str, str] | None,
-        typer.Option("--add", metavar="C A B", help="C plus what makes A differ from B."),
+        typer.Option("--add", metavar="C A B", help="Add the difference between A and B to C."),
     ] = None,
     blend: Annotated[
         list[str] | None,
         typer.Option(
-            "--blend", metavar="A=0.5", help="Weighted sum about the parents' mean; give it for each grain."
+            "--blend", metavar="A=0.5", help="Weighted sum about the parents' mean; repeat for each grain."
         ),
     ] = None,
     noise: Annotated[
         str | None, typer.Option("--noise", metavar="A", help="Variations of A; see --sigma, --count.")
     ] = None,
     move: Annotated[
-        str | None, typer.Option("--move", metavar="A", help="A moved along meanings; see --by.")
+        str | None, typer.Option("--move", metavar="A", help="Move A along meanings; see --by.")
     ] = None,
     by: Annotated[
         list[str] | None,
-        typer.Option("--by", metavar="csf=-1", help="In standard deviations; may be given again."),
+        typer.Option(
+            "--by", metavar="csf=-1", help="How far --move goes, in standard deviations; repeat for more."
+        ),
     ] = None,
     design: Annotated[
         list[str] | None,
-        typer.Option("--design", metavar="csf=0.6", help="A grain of this factor; may be given again."),
+        typer.Option("--design", metavar="csf=0.6", help="Find a grain with this factor; repeat for more."),
     ] = None,
     take: Annotated[
         list[str] | None,
-        typer.Option("--take", metavar="A", help="A grain as the style-learner rebuilds it; again for more."),
+        typer.Option("--take", metavar="A", help="Reconstruct A with the style-learner; repeat for more."),
     ] = None,
-    steps: Annotated[int, typer.Option("--steps", min=2, help="Of --interpolate.")] = 11,
-    sigma: Annotated[float, typer.Option("--sigma", min=0.0, help="Of --noise; 1 is like a parent.")] = 0.3,
-    count: Annotated[int, typer.Option("--count", min=1, help="Of --noise.")] = 10,
-    strength: Annotated[float, typer.Option("--strength", help="Of --add.")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
+    steps: Annotated[int, typer.Option("--steps", min=2, help="Number of grains of --interpolate.")] = 11,
+    sigma: Annotated[
+        float, typer.Option("--sigma", min=0.0, help="Strength of --noise; 1 is as far as another parent.")
+    ] = 0.3,
+    count: Annotated[int, typer.Option("--count", min=1, help="Number of grains of --noise.")] = 10,
+    strength: Annotated[float, typer.Option("--strength", help="Factor of the difference in --add.")] = 1.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = 0,
     beyond: Annotated[
-        bool, typer.Option("--beyond", help="Let grains lie farther outside than any parent; hold none back.")
+        bool, typer.Option("--beyond", help="Allow grains farther out than any parent.")
     ] = False,
     unit: Annotated[
-        str | None, typer.Option("--unit", help="Length unit of the files, those of meshes given too.")
+        str | None, typer.Option("--unit", help="Length unit of the files, and of given meshes.")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that holds other files too.")
+        bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
@@ -87,7 +91,7 @@ def latent(
     asked = [interpolate, add, blend or None, noise, move, design or None, take or None]
     if sum(option is not None for option in asked) > 1:
         raise StyleError(
-            "Give one of --interpolate, --add, --blend, --noise, --move, --design and --take at a time."
+            "Give only one of --interpolate, --add, --blend, --noise, --move, --design and --take."
         )
     learner = load_style_learner(style)
     work = ByHand(learner, seed, unit)
@@ -95,7 +99,7 @@ def latent(
         _tell_about(style, learner, work, as_json)
         return
     if folder is None:
-        raise StyleError("Say where the grains are to go: -o FOLDER.")
+        raise StyleError("The grains need an output folder: give -o FOLDER.")
     if interpolate:
         latents, what = work.interpolated(*interpolate, steps), "steps"
         recipe = f"from {interpolate[0]} to {interpolate[1]}"
@@ -136,15 +140,15 @@ def _finish(
     if any(outside) and not beyond:
         latents = np.stack([clamped(learner, latent) for latent in latents])
         console.tell(
-            f"mbstudio: {', '.join(np.array(names)[outside])} would lie farther out than any parent: held "
-            "at the end of their range (--beyond lets them go)."
+            f"mbstudio: {', '.join(np.array(names)[outside])} would be farther out than any parent: held "
+            "at the limit of their range (--beyond lifts it)."
         )
     grains = learner.decode(latents, names=names)
     sound = np.array([topology(avatar.control).is_sound for avatar in grains.avatars()])
     for name in np.array(names)[~sound]:
-        console.tell(f"mbstudio: {name} falls into pieces or has a void: left out.")
+        console.tell(f"mbstudio: {name} is in pieces or has a void: left out.")
     if not sound.any():
-        raise StyleError("None of these grains is a valid body: stay nearer to the parents.")
+        raise StyleError("None of these grains is a valid body: stay closer to the parents.")
     kept = np.flatnonzero(sound)
     rows = _rows(grains.take(kept), latents[kept], recipe)
     with console.progress("Writing") as tell:

@@ -27,11 +27,11 @@ def _known_preset(name: str) -> str:
     return name
 
 
-HELP = """Learn the style of grains: the shape and size that new ones are to have.
+HELP = """Train a style-learner on grains, from which 'mbstudio generate' makes new ones.
 
-Every grain is fitted from one common template first, so that control point i means the same in each;
-then the style-learner is trained. When interrupted, the best state so far is saved. With --on, preset and
-control points are those of the style-learner that learns on; its old parents are not forgotten.
+Every grain is first fitted from one common template, so that control point i means the same in each.
+Then the style-learner is trained. When interrupted, the command saves the best state so far. With --on,
+preset and number of control points are those of the given style-learner; it does not forget its parents.
 """
 
 
@@ -39,11 +39,12 @@ def learn(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="PROJECT|FOLDER", help="A project with grains, a folder of meshes, or an .npz of avatars."
+            metavar="PROJECT|FOLDER",
+            help="A project with grains, a folder of meshes, or an .npz file of avatars.",
         ),
     ],
     folder: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the style-learner goes.")
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder of the style-learner.")
     ],
     preset: Annotated[
         str,
@@ -51,16 +52,20 @@ def learn(
             "--preset",
             metavar=f"[{'|'.join(PRESETS)}]",
             callback=_known_preset,
-            help="'pca' is the linear baseline, 'paper' the paper's text.",
+            help="'pca' is the linear baseline, 'paper' the method as published.",
         ),
     ] = PRESETS[0],
     n: Annotated[int, typer.Option("-n", "--n", help="Control points of each avatar.")] = 40,
     on: Annotated[
         Path | None,
-        typer.Option("--on", metavar="STYLE", help="Learn on: teach these grains to this style-learner too."),
+        typer.Option(
+            "--on",
+            metavar="STYLE",
+            help="Teach the grains to this style-learner, in addition to its parents.",
+        ),
     ] = None,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of the training.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of everything random.")] = 0,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Number of training steps.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = 0,
     grains: GrainsOption = None,
     limit: LimitOption = None,
     from_avatars: Annotated[
@@ -83,7 +88,7 @@ def learn(
     if steps is not None:
         chosen = find_preset(preset if known is None else known.preset)
         if not chosen.in_steps:
-            raise StyleError(f"--steps has no meaning for preset '{chosen.name}': it is found at once.")
+            raise StyleError(f"--steps does not apply to preset '{chosen.name}': leave it out.")
         options["steps"] = steps
     template = None if known is None else known.template
     parents = _parents(
@@ -115,9 +120,7 @@ def _require_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise StyleError(f"{folder} is a file: give the name of a folder for the style-learner.")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD_FILE).exists():
-        raise StyleError(
-            f"{folder} holds other files and no style-learner: choose an empty folder or another name."
-        )
+        raise StyleError(f"{folder} holds other files and no style-learner: choose an empty or a new folder.")
 
 
 def _parents(
@@ -130,7 +133,7 @@ def _parents(
     from mbstudio.core.vae.serialize.serializer import serialize
 
     if not source.exists():
-        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     if source.suffix.lower() == ".npz":
         return load_serialization(source)
     bodies: list[Any]
@@ -153,7 +156,7 @@ def _parents(
             bodies = [project.grains.grain(label) for label in labels]
         names = [f"grain {label}" for label in labels]
     if not bodies:
-        raise SerializationError(f"{source} holds no avatars yet: fit them first, or leave --avatars out.")
+        raise SerializationError(f"{source} has no avatars yet: fit them first, or leave --avatars out.")
     with console.progress("Serializing") as report, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         found = serialize(

@@ -45,21 +45,22 @@ class Surface(StrEnum):
 GrainsOption = Annotated[
     str | None, typer.Option("--grains", metavar="3,5,9", help="Only these labels (1-20 is a range).")
 ]
-LimitOption = Annotated[int | None, typer.Option("--limit", min=1, help="Only so many grains.")]
+LimitOption = Annotated[int | None, typer.Option("--limit", min=1, help="At most this many grains.")]
 AxesOption = Annotated[
-    Axes, typer.Option("--axes", help="What a, b, c are: bounding box, calipers, or ellipsoid of inertia.")
+    Axes,
+    typer.Option("--axes", help="How a, b, c are measured: bounding box, calipers, or ellipsoid of inertia."),
 ]
-SurfaceOption = Annotated[Surface, typer.Option("--surface", help="How the area of voxel grains is found.")]
+SurfaceOption = Annotated[Surface, typer.Option("--surface", help="Surface for the area of voxel grains.")]
 DetailOption = Annotated[
     bool,
-    typer.Option("--detail", help="Also convexity, spheres, Feret diameters, roundness, roughness, bands."),
+    typer.Option("--detail", help="Add convexity, spheres, Feret diameters, roundness, roughness, bands."),
 ]
 
 
-HELP = """Measure shape factors: of a mesh, or of a project's grains and their avatars.
+HELP = """Measure the shape factors of a mesh, or of a project's grains and their avatars.
 
-Of a project, the grains that have an avatar are measured together with it, with the
-relative error of each factor; if none has one, all interior grains.
+In a project, the grains that have an avatar are measured together with it, with the relative error
+of each factor. If no grain has an avatar, all interior grains are measured.
 """
 
 
@@ -75,13 +76,11 @@ def measure(
     detail: DetailOption = False,
     intervals: Annotated[
         bool,
-        typer.Option(
-            "--intervals", help="Also between what each factor of a scanned grain lies; takes long."
-        ),
+        typer.Option("--intervals", help="Add an interval for each factor of a scanned grain; takes long."),
     ] = False,
     workers: inputs.WorkersOption = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write one row a grain as CSV.")
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write one row per grain as CSV.")
     ] = None,
     parquet_file: Annotated[
         Path | None, typer.Option("--parquet", metavar="FILE", help="Write the same table as Parquet.")
@@ -95,7 +94,9 @@ def measure(
         require_parquet()
     if inputs.is_mesh(source):
         if intervals:
-            raise MeasureError("--intervals are those of scanned grains: a mesh is exact. Leave it out.")
+            raise MeasureError(
+                "--intervals applies to scanned grains only; a mesh is exact. Leave the option out."
+            )
         table, factors = _measure_mesh(source, unit, axes, surface, detail)
         _write(table, csv_file, parquet_file)
         if as_json:
@@ -126,9 +127,12 @@ def measure(
         for label, reason in list(reasons.items())[:FAILURES_ON_SCREEN]:
             console.tell(f"mbstudio: {kind.removesuffix('s')} {label} could not be measured: {reason}")
         if len(reasons) > FAILURES_ON_SCREEN:
-            console.tell(f"mbstudio: and {len(reasons) - FAILURES_ON_SCREEN} more {kind}, see --csv.")
+            console.tell(
+                f"mbstudio: and {len(reasons) - FAILURES_ON_SCREEN} more {kind}: "
+                "write the table with --csv to see all."
+            )
     if not measured:
-        raise MeasureError(f"No grain of {source} could be measured.")
+        raise MeasureError(f"No grain of {source} could be measured: the reasons are listed above.")
 
 
 def require_table_output(output: Path | None, source: Path) -> None:
@@ -136,11 +140,13 @@ def require_table_output(output: Path | None, source: Path) -> None:
     if output is None:
         return
     if output.resolve() == source.resolve():
-        raise MbstudioError(f"{output} is the file to be measured: give the output another name.")
+        raise MbstudioError(f"{output} is the input: give the output another name.")
     if output.is_dir():
         raise MbstudioError(f"{output} is a folder: give the name of a file.")
     if not output.resolve().parent.is_dir():
-        raise MbstudioError(f"{output} cannot be written: the folder {output.resolve().parent} is not there.")
+        raise MbstudioError(
+            f"{output} cannot be written: the folder {output.resolve().parent} does not exist."
+        )
 
 
 def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[Any, list[int]]:
@@ -151,10 +157,10 @@ def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[
 
     project = Project.open(source)
     if project.grains is None:
-        raise MeasureError(f"{source} holds no grains yet: find them with 'mbstudio segment' first.")
+        raise MeasureError(f"{source} has no grains yet: find them with 'mbstudio segment' first.")
     labels = inputs.numbers_in(grains, "--grains") or sorted(project.fits) or project.grains.interior_labels
     if not labels:
-        raise MeasureError(f"{source} holds no grain that is whole: name some with --grains.")
+        raise MeasureError(f"{source} has no grain that the border does not cut: name some with --grains.")
     return project, list(dict.fromkeys(labels))[:limit]
 
 
@@ -166,7 +172,7 @@ def _measure_mesh(
     from mbstudio.core.populations import measure_population
 
     if not source.is_file():
-        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     try:
         mesh: Any = trimesh.load(source, force="mesh")
     except (ValueError, IndexError, KeyError, TypeError) as error:  # trimesh's readers let these through

@@ -31,9 +31,9 @@ class Sieves(StrEnum):
     ASTM = "astm"
 
 
-HELP = """Write what the grains and avatars of a project are like, as one HTML file with figures.
+HELP = """Compare the grains and avatars of a project in one HTML file with figures.
 
-Which grains: as for 'mbstudio measure'.
+The grains are selected as for 'mbstudio measure'.
 """
 
 
@@ -41,7 +41,7 @@ def report(
     source: Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with grains.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="The HTML file; beside the project by default."),
+        typer.Option("--output", "-o", metavar="FILE", help="HTML file; by default beside the project."),
     ] = None,
     grains: GrainsOption = None,
     limit: LimitOption = None,
@@ -50,7 +50,7 @@ def report(
     surface: SurfaceOption = Surface.SMOOTHED,
     detail: DetailOption = False,
     sieves: Annotated[
-        Sieves, typer.Option("--sieves", help="Sieves of ISO 3310-1 (R 20/3) or of ASTM E11.")
+        Sieves, typer.Option("--sieves", help="Standard sieves: ISO 3310-1 (R 20/3) or ASTM E11.")
     ] = Sieves.ISO,
     workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,

@@ -14,10 +14,10 @@ HELP = "Find the grains of a scan."
 
 
 def segment(
-    source: Annotated[Path, typer.Argument(metavar="SCAN|PROJECT", help="A scan, or a project with one.")],
+    source: Annotated[Path, typer.Argument(metavar="SCAN|PROJECT", help="A scan, or a project with a scan.")],
     voxel_size: inputs.VoxelSizeOption = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Save the project here.")
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Project file to write.")
     ] = None,
     write_labels: Annotated[
         Path | None, typer.Option("--write-labels", metavar="FILE", help="Also write the label image (TIFF).")

@@ -1,4 +1,4 @@
-"""``mbstudio sweep``: how true avatars are against their number of control points."""
+"""``mbstudio sweep``: accuracy of avatars against their number of control points."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ NUMBERS = "10,20,40,80,120"
 _SHOWN = ("rms", "hausdorff", "overlap_error", "area", "sphericity", "circularity", "csf", "dns")
 
 
-HELP = """Fit grains with several numbers of control points, and tell how true each avatar is.
+HELP = """Fit grains with several numbers of control points, and measure the accuracy of each avatar.
 
-The table is written after every fit: an interrupted sweep goes on with --resume. All grains that
-the border does not cut are swept, unless --grains says which.
+The table is written after every fit; --resume continues an interrupted sweep. By default all grains
+that the border does not cut are fitted; --grains selects others.
 """
 
 
@@ -38,27 +38,27 @@ def sweep(
         str | None,
         typer.Option("--grains", metavar="1,5,9", help="Only these labels (1-20 is a range)."),
     ] = None,
-    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only so many grains.")] = None,
+    limit: Annotated[int | None, typer.Option("--limit", min=1, help="At most this many grains.")] = None,
     n: Annotated[str, typer.Option("-n", "--n", metavar="10,20,40", help="Control points to try.")] = NUMBERS,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="Table as CSV, one row a fit.")
+        Path, typer.Option("--output", "-o", metavar="FILE", help="CSV table, one row per fit.")
     ] = Path("sweep.csv"),
     figure: Annotated[
-        Path | None, typer.Option("--figure", metavar="FILE", help="Draw it: .svg, .png or .pdf.")
+        Path | None, typer.Option("--figure", metavar="FILE", help="Draw the sweep: .svg, .png or .pdf.")
     ] = None,
     error: Annotated[
-        float, typer.Option("--error", metavar="PERCENT", help="Tell the smallest n that meets this error.")
+        float, typer.Option("--error", metavar="PERCENT", help="Report the smallest n that meets this error.")
     ] = 1.0,
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Go on with the table that is there, without doing its fits again."),
+        typer.Option("--resume", help="Continue the existing table without repeating its fits."),
     ] = False,
     method: Annotated[str, typer.Option("--method", help="'fast', or 'paper'.")] = "fast",
     option: Annotated[
         list[str] | None,
-        typer.Option("--option", metavar="NAME=VALUE", help="An option of the method; may be given again."),
+        typer.Option("--option", metavar="NAME=VALUE", help="An option of the method; repeat for more."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random numbers.")] = 0,
     splitting: inputs.SplittingOption = None,
     smallest: inputs.SmallestOption = None,
     threshold: inputs.ThresholdOption = None,
@@ -95,7 +95,7 @@ def sweep(
         save_sweep_figure(figure, work.rows)
     _tell(work, source, error / 100, as_json, output, figure, time.monotonic() - begun)
     if interrupted:
-        console.tell("mbstudio: interrupted: the same command with --resume goes on.")
+        console.tell("mbstudio: interrupted: run the same command with --resume to continue.")
         raise typer.Exit(INTERRUPTED)
     if work.rows and all(row.error for row in work.rows):
         raise FitError(f"None of the {len(work.rows)} fits could be made: {work.rows[0].error}")
@@ -104,7 +104,7 @@ def sweep(
 def _check_outputs(source: Path, output: Path, figure: Path | None, error: float, resume: bool) -> None:
     """Refuse before the work begins what could not be written after it."""
     if not source.exists():
-        raise MbstudioError(f"{source} is not there: check the name and the folder.")
+        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     if not error > 0:
         raise FitError(f"--error {error:g} % cannot be met: give a number above 0.")
     if figure is not None:
@@ -117,11 +117,11 @@ def _check_outputs(source: Path, output: Path, figure: Path | None, error: float
         if path.is_dir():
             raise MbstudioError(f"{path} is a folder: give the name of a file.")
         if not path.resolve().parent.is_dir():
-            raise MbstudioError(f"{path} cannot be written: the folder {path.parent} is not there.")
+            raise MbstudioError(f"{path} cannot be written: the folder {path.parent} does not exist.")
         if path.resolve() == source.resolve():
-            raise MbstudioError(f"{path} is the file to be swept: give another name.")
+            raise MbstudioError(f"{path} is the input of the sweep: give the output another name.")
     if output.exists() and not resume:
-        raise MbstudioError(f"{output} is there already: go on with it by --resume, or give another name.")
+        raise MbstudioError(f"{output} already exists: continue it with --resume, or give another name.")
 
 
 def _grains_of(
@@ -149,7 +149,7 @@ def _labels(grains: GrainSet, wanted: list[int] | None) -> list[int]:
         if label not in known:
             raise FitError(f"There is no grain {label}: the labels are {min(known)} to {max(known)}.")
     if not labels:
-        raise FitError("There is no whole grain to sweep: the border cuts them all.")
+        raise FitError("There is no grain to sweep: the border cuts all of them. Name some with --grains.")
     return labels
 
 

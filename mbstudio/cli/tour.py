@@ -1,4 +1,4 @@
-"""``mbstudio tour``: the whole way on the built-in sample scan, without a window."""
+"""``mbstudio tour``: the whole workflow on the built-in sample scan, without a window."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ DENSITY = 2650.0  # quartz sand, kg/m3
 OURS = {"sample.mbs", "factors.csv", "summary.json", "pictures", *TARGETS}
 
 
-HELP = "Go the whole way on the built-in sample scan: grains, avatars, factors, pictures, DEM files."
+HELP = "Run the whole workflow on the built-in sample scan: grains, avatars, factors, pictures, DEM files."
 
 
 def tour(
     folder: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Where pictures, project and DEM files go.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Output folder of pictures, project and DEM files."
+        ),
     ] = Path("tour"),
     n: Annotated[int, typer.Option("-n", "--control-points", help="Control points of each avatar.")] = 40,
-    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Fit only so many grains.")] = None,
+    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Fit at most this many grains.")] = None,
     workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
@@ -40,7 +43,7 @@ def tour(
         return
     console.print_facts("The sample scan, from voxels to avatars", summary)
     print(f"\nPictures, the project and the DEM files are in {folder}")
-    print(f"Look at the project in the window with: mbstudio gui {folder / 'sample.mbs'}")
+    print(f"To open the project in the window, run: mbstudio gui {folder / 'sample.mbs'}")
 
 
 def prepare_folder(folder: Path) -> None:
@@ -50,7 +53,7 @@ def prepare_folder(folder: Path) -> None:
     if folder.is_dir():
         others = sorted(entry.name for entry in folder.iterdir() if entry.name not in OURS)
         if others:
-            raise MbstudioError(f"{folder} holds other files ({others[0]}): give a new folder with --out.")
+            raise MbstudioError(f"{folder} holds other files ({others[0]}): choose a new folder with --out.")
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
 
 

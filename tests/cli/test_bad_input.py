@@ -79,7 +79,7 @@ def assert_one_message(ran, *named: str) -> None:
     messages = [line for line in ran.err.splitlines() if line.startswith("mbstudio: ")]
     assert len(messages) == 1, ran.err
     assert "Traceback" not in ran.err
-    assert "fault in mbstudio" not in ran.err
+    assert "bug in mbstudio" not in ran.err
     for name in named:
         assert name in messages[0]
 

@@ -182,7 +182,7 @@ def test_an_interrupted_fit_keeps_what_is_done(mbstudio, small_scan_file, tmp_pa
     finally:
         signal.signal(signal.SIGINT, before)
     assert ran.code == 130
-    assert "2 grains to go" in ran.err
+    assert "2 grains are left" in ran.err
     assert json.loads(ran.out)["interrupted"] is True
     assert len(Project.open(path).fits) == 1
 

@@ -91,7 +91,7 @@ def test_what_it_knows(mbstudio, style):
         (("--move", "1"), "--by"),
         (("--move", "1", "--by", "csf"), "not a meaning with a number"),
         (("--move", "1", "--by", "colour=1"), "no meaning of the latent space"),
-        (("--design", "sphericity=2"), "No body at all"),
+        (("--design", "sphericity=2"), "No body can have"),
         (("--design", "csf=0.6", "--design", "sphericity=0.99"), "most spherical body of csf 0.6 has 0.953"),
         (("--design", "size=1000"), "cannot give"),
         (("--blend", "box 3"), "a grain with a weight"),
@@ -212,8 +212,8 @@ def test_kept_grains_of_a_project_are_exported(mbstudio, tmp_path):
     assert written.mesh().volume == pytest.approx(wanted.mesh().volume, rel=1e-3)
     ran = mbstudio("export", path, *to, "--select", "kept:round one", "-o", tmp_path / "none")
     assert ran.code != 0
-    assert "no kept grain 'round one': there are kept 1, flat one, kept 3" in ran.err
+    assert "no kept grain 'round one': choose from kept 1, flat one, kept 3" in ran.err
     with Project(ProjectState(style=learner)) as project:
         project.save(tmp_path / "bare.mbs")
     ran = mbstudio("export", tmp_path / "bare.mbs", *to, "--select", "kept", "-o", tmp_path / "none")
-    assert "holds no kept grains" in ran.err
+    assert "has no kept grains" in ran.err

@@ -61,9 +61,9 @@ def test_a_project_without_avatars(mbstudio, small_scan_file, tmp_path):
 
 def test_outputs_that_make_no_sense(mbstudio, fitted_project, tmp_path):
     for output, named in (
-        (fitted_project, "to be measured"),
+        (fitted_project, "is the input"),
         (tmp_path, "is a folder"),
-        (tmp_path / "no" / "r.html", "is not there"),
+        (tmp_path / "no" / "r.html", "does not exist"),
     ):
         ran = mbstudio("report", fitted_project, "-o", output)
         assert ran.code == 1
