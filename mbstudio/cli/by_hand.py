@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from mbstudio.core.vae.models.style_learner import StyleLearner
+    from mbstudio.core.vae.serialize.frame import Body
     from mbstudio.core.vae.shaping.meaning import Design, Meanings
 
 TABLE = "latents.csv"
@@ -44,9 +45,9 @@ class ByHand:
         """Return the latent vector of a grain."""
         names = list(self.learner.parents.names)
         if name in names:
-            return self.learner.latents[names.index(name)]
+            return self._parent(names.index(name))
         if name.isdigit() and 1 <= int(name) <= len(names):
-            return self.learner.latents[int(name) - 1]
+            return self._parent(int(name) - 1)
         file, _, grain = name.rpartition(":")
         if grain and Path(file).name == TABLE:
             return self._of_table(Path(file), grain)
@@ -59,16 +60,23 @@ class ByHand:
             f"{len(names)}, a name such as '{names[0]}', or a mesh or avatar."
         )
 
+    def _parent(self, row: int) -> np.ndarray:
+        latent: np.ndarray = self.learner.latents[row]
+        return latent
+
     def _of_file(self, path: Path) -> np.ndarray:
         from mbstudio.core.dem.formats.metaball import read_metaball
         from mbstudio.core.vae.serialize.mesh_folder import read_mesh
         from mbstudio.core.vae.shaping.latent import projected
 
-        if not inputs.is_mesh(path):
-            return projected(self.learner, [read_metaball(path)])[0]
-        mesh = read_mesh(path)
-        mesh.units, mesh.metadata["name"] = self._unit or self.learner.unit, path.stem
-        return projected(self.learner, [mesh])[0]
+        body: Body
+        if inputs.is_mesh(path):
+            body = mesh = read_mesh(path)
+            mesh.units, mesh.metadata["name"] = self._unit or self.learner.unit, path.stem
+        else:
+            body = read_metaball(path)
+        latent: np.ndarray = projected(self.learner, [body])[0]
+        return latent
 
     def _of_table(self, path: Path, name: str) -> np.ndarray:
         import pandas as pd

@@ -58,7 +58,7 @@ def generate(
 ) -> None:
     """Run ``mbstudio generate``; `HELP` says what it does."""
     from mbstudio.core.batch.processes import usable_cores
-    from mbstudio.core.dem.exporting import check_replaceable
+    from mbstudio.core.dem.folder import check_replaceable
     from mbstudio.core.dem.manifest import files_of_earlier_export
     from mbstudio.core.vae.generate.generator import generate as generate_clones
     from mbstudio.core.vae.models.style_learner import load_style_learner

@@ -191,7 +191,8 @@ def _rows(grains: Serialization, latents: np.ndarray, recipe: str) -> list[dict[
 def _csv(rows: list[dict[str, Any]]) -> str:
     import pandas as pd
 
-    return pd.DataFrame(rows).to_csv(index=False, lineterminator="\r\n")
+    text: str = pd.DataFrame(rows).to_csv(index=False, lineterminator="\r\n")
+    return text
 
 
 def _tell_about(style: Path, learner: StyleLearner, work: ByHand, as_json: bool) -> None:

@@ -149,7 +149,10 @@ class VoxelSize:
         self, indices: Float[np.ndarray, "m 3"], origin: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Float[np.ndarray, "m 3"]:
         """Return the points (x, y, z) in `unit` of (possibly fractional) indices [z, y, x]."""
-        return np.asarray(indices, dtype=float)[:, ::-1] * self.xyz + np.asarray(origin, dtype=float)
+        points: np.ndarray = np.asarray(indices, dtype=float)[:, ::-1] * self.xyz + np.asarray(
+            origin, dtype=float
+        )
+        return points
 
     def __str__(self) -> str:
         if self.is_isotropic:

@@ -76,7 +76,10 @@ class Grain:
     @cached_property
     def centroid(self) -> Float[np.ndarray, "3"]:
         """Centre of volume (x, y, z) in unit."""
-        return self.voxel_size.positions(np.argwhere(self.mask).mean(axis=0)[None], self.origin)[0]
+        centroid: np.ndarray = self.voxel_size.positions(
+            np.argwhere(self.mask).mean(axis=0)[None], self.origin
+        )[0]
+        return centroid
 
     @classmethod
     def from_mask(

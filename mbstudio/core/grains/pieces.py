@@ -22,7 +22,8 @@ def largest_piece(mask: Bool[np.ndarray, "Z Y X"]) -> Bool[np.ndarray, "Z Y X"]:
 
 def without_cavities(mask: Bool[np.ndarray, "Z Y X"]) -> Bool[np.ndarray, "Z Y X"]:
     """Return the mask with its enclosed cavities filled."""
-    return fill_voids.fill(np.asfortranarray(mask)).astype(bool)
+    filled: np.ndarray = fill_voids.fill(np.asfortranarray(mask)).astype(bool)
+    return filled
 
 
 def bounding_box(mask: Bool[np.ndarray, "Z Y X"]) -> tuple[slice, slice, slice]:

@@ -267,7 +267,9 @@ def _distance_map(
     shortest = min(voxel_size.zyx)
     solid = mask if view.is_whole_box else mask | ~view.mask
     anisotropy = tuple(edge / shortest for edge in voxel_size.zyx)
-    distance = edt.edt(np.ascontiguousarray(solid), anisotropy=anisotropy, black_border=False, parallel=0)
+    distance: np.ndarray = edt.edt(
+        np.ascontiguousarray(solid), anisotropy=anisotropy, black_border=False, parallel=0
+    )
     np.nan_to_num(distance, copy=False, posinf=float(max(mask.shape)))
     # From the middle of the nearest void voxel to the surface: otherwise small necks look wide.
     distance -= 0.5

@@ -22,7 +22,7 @@ _BLOCK = 256
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _field_at(points, control, out):  # pragma: no cover - compiled
+def _field_at(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     total, n = points.shape[0], control.shape[1]
     px, py, pz = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     acc = np.empty(_BLOCK)
@@ -43,7 +43,9 @@ def _field_at(points, control, out):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _field_and_gradient_at(points, control, field, gradient):  # pragma: no cover - compiled
+def _field_and_gradient_at(
+    points: np.ndarray, control: np.ndarray, field: np.ndarray, gradient: np.ndarray
+) -> None:
     total, n = points.shape[0], control.shape[1]
     px, py, pz = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     acc, gx, gy, gz = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
@@ -73,7 +75,7 @@ def _field_and_gradient_at(points, control, field, gradient):  # pragma: no cove
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _field_on_grid(origin, spacing, control, out):  # pragma: no cover - compiled
+def _field_on_grid(origin: np.ndarray, spacing: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     nz, ny, nx = out.shape
     n = control.shape[1]
     xs = np.empty(nx, dtype=np.float32)
@@ -106,7 +108,9 @@ def _field_on_grid(origin, spacing, control, out):  # pragma: no cover - compile
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _upper_bound_on_grid(origin, spacing, radius, control, out):  # pragma: no cover - compiled
+def _upper_bound_on_grid(
+    origin: np.ndarray, spacing: np.ndarray, radius: np.float32, control: np.ndarray, out: np.ndarray
+) -> None:
     """Bound f from above over the ball of `radius` about each node, in single precision."""
     nz, ny, nx = out.shape
     one, least = np.float32(1.0), np.float32(1e-9)
@@ -130,10 +134,11 @@ def _upper_bound_on_grid(origin, spacing, radius, control, out):  # pragma: no c
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outer_plane(positions, weights):  # pragma: no cover - compiled
+def _outer_plane(positions: np.ndarray, weights: np.ndarray) -> float:
     """Return a t beyond which sum k / (t - t_i)**2 < 1: no point of the solid lies further along the axis."""
     top, total = positions.max(), weights.sum()
-    low, high = top, top + np.sqrt(total)
+    low = top
+    high: float = top + np.sqrt(total)
     for _ in range(60):
         middle = 0.5 * (low + high)
         bound = 0.0

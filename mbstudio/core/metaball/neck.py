@@ -22,7 +22,9 @@ _MOST_MEASURED = 4
 
 
 @njit(cache=True, nogil=True)
-def _meetings(depth, order, least, share):  # pragma: no cover - compiled
+def _meetings(
+    depth: np.ndarray, order: np.ndarray, least: np.float32, share: np.float32
+) -> tuple[list[np.int64], list[np.float32], np.ndarray]:
     """Return nodes where two groups meet that are deeper than there, and the lesser of their depths.
 
     Also the group of every node in the end. `order` holds flat indices by falling depth; the
@@ -77,7 +79,8 @@ def _saddle(place: np.ndarray, control: Float64[np.ndarray, "4 n"], reach: float
 def _measured(places: list[np.ndarray], control: Float64[np.ndarray, "4 n"], reach: float) -> np.ndarray:
     """Return depths at the saddles of f near some places; 0 outside the solid."""
     settled = np.array([_saddle(place, control, reach) for place in places])
-    return np.maximum(-closest_points(settled, control)[1], 0.0)
+    depths: np.ndarray = np.maximum(-closest_points(settled, control)[1], 0.0)
+    return depths
 
 
 def smallest_neck(control: Float64[np.ndarray, "4 n"], cells: int = 48) -> float:

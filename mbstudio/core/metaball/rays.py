@@ -20,7 +20,9 @@ SHORTEST_CHORD = 1e-5
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _value_and_slope(t, places, squares, weights):  # pragma: no cover - compiled
+def _value_and_slope(
+    t: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray
+) -> tuple[float, float]:
     """Return f and df/dt on the ray."""
     total = slope = 0.0
     for i in range(len(places)):
@@ -33,7 +35,9 @@ def _value_and_slope(t, places, squares, weights):  # pragma: no cover - compile
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _rising_part(t, places, squares, weights, sign):  # pragma: no cover - compiled
+def _rising_part(
+    t: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray, sign: float
+) -> tuple[float, float]:
     """Return f and the slope of the bells that still rise (sign 1) or already fall (sign -1)."""
     total = slope = 0.0
     for i in range(len(places)):
@@ -46,7 +50,7 @@ def _rising_part(t, places, squares, weights, sign):  # pragma: no cover - compi
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _highest_bound(a, b, places, squares, weights):  # pragma: no cover - compiled
+def _highest_bound(a: float, b: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray) -> float:
     """Return an upper bound of f over [a, b]."""
     total = 0.0
     for i in range(len(places)):
@@ -56,7 +60,7 @@ def _highest_bound(a, b, places, squares, weights):  # pragma: no cover - compil
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _lowest_bound(a, b, places, squares, weights):  # pragma: no cover - compiled
+def _lowest_bound(a: float, b: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray) -> float:
     """Return a lower bound of f over [a, b]."""
     total = 0.0
     for i in range(len(places)):
@@ -66,7 +70,9 @@ def _lowest_bound(a, b, places, squares, weights):  # pragma: no cover - compile
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _crossing(low, high, places, squares, weights, inside):  # pragma: no cover - compiled
+def _crossing(
+    low: float, high: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray, inside: bool
+) -> float:
     """Return the place in [low, high], whose ends differ, where f = 1: Newton on u, bisection as guard."""
     t = 0.5 * (low + high)
     for _ in range(80):
@@ -87,7 +93,9 @@ def _crossing(low, high, places, squares, weights, inside):  # pragma: no cover 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _march(start, end, shortest, places, squares, weights):  # pragma: no cover - compiled
+def _march(
+    start: float, end: float, shortest: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray
+) -> float:
     """Return the first t in [start, end] where the ray enters or leaves the solid, or infinity."""
     t = start
     value, _ = _value_and_slope(t, places, squares, weights)
@@ -122,7 +130,15 @@ def _march(start, end, shortest, places, squares, weights):  # pragma: no cover 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def crossing_along(origin, direction, end, shortest, control, places, squares):  # pragma: no cover - compiled
+def crossing_along(
+    origin: np.ndarray,
+    direction: np.ndarray,
+    end: float,
+    shortest: float,
+    control: np.ndarray,
+    places: np.ndarray,
+    squares: np.ndarray,
+) -> float:
     """Return the first crossing within `end` on the ray; `places` and `squares` are room for n numbers."""
     for i in range(control.shape[1]):
         x, y, z = control[0, i] - origin[0], control[1, i] - origin[1], control[2, i] - origin[2]
@@ -133,7 +149,9 @@ def crossing_along(origin, direction, end, shortest, control, places, squares): 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _box_span(origin, direction, low, high):  # pragma: no cover - compiled
+def _box_span(
+    origin: np.ndarray, direction: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[float, float]:
     """Return where a ray enters and leaves a box; start after end if it misses."""
     start, end = 0.0, np.inf
     for axis in range(3):
@@ -147,7 +165,15 @@ def _box_span(origin, direction, low, high):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _first_hits(origins, directions, control, low, high, shortest, out):  # pragma: no cover - compiled
+def _first_hits(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    control: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    shortest: float,
+    out: np.ndarray,
+) -> None:
     n = control.shape[1]
     places, squares = np.empty(n), np.empty(n)
     direction, origin = np.empty(3), np.empty(3)
@@ -176,7 +202,8 @@ def unit_directions(directions: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray,
         raise AvatarError(
             f"The direction {array[wrong][0]} of a ray has no length: give finite vectors other than zero."
         )
-    return array / lengths[:, None]
+    units: np.ndarray = array / lengths[:, None]
+    return units
 
 
 def first_hits(

@@ -26,7 +26,7 @@ _DIRECTIONS = (
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _shifted_sum(distances, control, shift):  # pragma: no cover - compiled
+def _shifted_sum(distances: np.ndarray, control: np.ndarray, shift: float) -> tuple[float, float]:
     """Return ``v = (sum k / (d + shift)**2)**(-1/2)`` and dv/dshift."""
     total = slope = 0.0
     for i in range(len(distances)):
@@ -39,7 +39,7 @@ def _shifted_sum(distances, control, shift):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _safe_radius(points, control, out):  # pragma: no cover - compiled
+def _safe_radius(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Solve ``sum k / (d -+ R)**2 = 1``, from the side on which R is too small.
 
     v is concave in R (a weighted power mean of the distances): a tangent lies above it, a chord below.
@@ -129,11 +129,12 @@ def first_order_distance(
     field, gradient = field_and_gradient_at(points, control)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         # (u - 1) / |grad u| with u = f**-1/2 and |grad u| = f**-3/2 |grad f| / 2.
-        return 2.0 * (field - field**1.5) / np.linalg.norm(gradient, axis=1)
+        distances: np.ndarray = 2.0 * (field - field**1.5) / np.linalg.norm(gradient, axis=1)
+        return distances
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def u_gradient_hessian(x, y, z, control, out):  # pragma: no cover - compiled
+def u_gradient_hessian(x: float, y: float, z: float, control: np.ndarray, out: np.ndarray) -> None:
     """Write u, its gradient (x, y, z) and its Hessian (xx, yy, zz, xy, xz, yz)."""
     f = gx = gy = gz = trace = xx = yy = zz = xy = xz = yz = 0.0
     for i in range(control.shape[1]):
@@ -168,11 +169,11 @@ def u_gradient_hessian(x, y, z, control, out):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_surface(place, control, out):  # pragma: no cover - compiled
+def _to_surface(place: np.ndarray, control: np.ndarray, out: np.ndarray) -> bool:
     """Move `place` onto u = 1 along the gradient; return whether that worked. `out` describes the end."""
     u_gradient_hessian(place[0], place[1], place[2], control, out)
     for _ in range(_MOST_STEPS):
-        rest = out[0] - 1.0
+        rest: float = out[0] - 1.0
         if abs(rest) <= _ON_SURFACE:
             return True
         square = out[1] ** 2 + out[2] ** 2 + out[3] ** 2
@@ -190,11 +191,19 @@ def _to_surface(place, control, out):  # pragma: no cover - compiled
         if not found:
             return abs(rest) < 1e-7
         place[0], place[1], place[2] = x, y, z
-    return abs(out[0] - 1.0) < 1e-7
+    rest = out[0] - 1.0
+    return abs(rest) < 1e-7
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _nearest_crossing(point, target, outside, control, place, room):  # pragma: no cover - compiled
+def _nearest_crossing(
+    point: np.ndarray,
+    target: np.ndarray,
+    outside: bool,
+    control: np.ndarray,
+    place: np.ndarray,
+    room: np.ndarray,
+) -> None:
     """Write the nearest first crossing of rays from `point`: from outside only that to `target`."""
     n = control.shape[1]
     direction, best, farthest = room[2, :3], np.inf, 0.0
@@ -218,7 +227,9 @@ def _nearest_crossing(point, target, outside, control, place, room):  # pragma: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _tangential_step(rx, ry, rz, multiplier, state, step):  # pragma: no cover - compiled
+def _tangential_step(
+    rx: float, ry: float, rz: float, multiplier: float, state: np.ndarray, step: np.ndarray
+) -> None:
     """Write the Newton step of the squared distance within the tangent plane.
 
     Its Hessian there is I + multiplier * Hess u; negative curvatures are taken by their size, so
@@ -256,10 +267,17 @@ def _tangential_step(rx, ry, rz, multiplier, state, step):  # pragma: no cover -
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _settle(point, place, control, state, trial, step):  # pragma: no cover - compiled
+def _settle(
+    point: np.ndarray,
+    place: np.ndarray,
+    control: np.ndarray,
+    state: np.ndarray,
+    trial: np.ndarray,
+    step: np.ndarray,
+) -> float:
     """Slide `place` along the surface to where it is nearest to `point`; return the squared distance."""
     dx, dy, dz = point[0] - place[0], point[1] - place[1], point[2] - place[2]
-    best = dx * dx + dy * dy + dz * dz
+    best: float = dx * dx + dy * dy + dz * dz
     for _ in range(_MOST_STEPS):
         square = state[1] ** 2 + state[2] ** 2 + state[3] ** 2
         multiplier = (dx * state[1] + dy * state[2] + dz * state[3]) / square
@@ -287,7 +305,9 @@ def _settle(point, place, control, state, trial, step):  # pragma: no cover - co
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _closest_points(points, control, closest, distance):  # pragma: no cover - compiled
+def _closest_points(
+    points: np.ndarray, control: np.ndarray, closest: np.ndarray, distance: np.ndarray
+) -> None:
     n = control.shape[1]
     state, trial, step = np.empty(10), np.empty(3), np.empty(3)
     place, target, room = np.empty(3), np.empty(3), np.empty((3, max(n, 3)))

@@ -23,7 +23,9 @@ _CHUNK = 128  # places whose sums stay in the nearest cache
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _signed_distances(places, count, control, sums, out):  # pragma: no cover - compiled
+def _signed_distances(
+    places: np.ndarray, count: int, control: np.ndarray, sums: np.ndarray, out: np.ndarray
+) -> None:
     """Write first-order distances to f = 1, positive inside, at the first `count` places (rows x, y, z)."""
     px, py, pz = places[0], places[1], places[2]
     total, gx, gy, gz = sums[0], sums[1], sums[2], sums[3]
@@ -48,7 +50,7 @@ def _signed_distances(places, count, control, sums, out):  # pragma: no cover - 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sort_layer(u, iz, near):  # pragma: no cover - compiled
+def _sort_layer(u: np.ndarray, iz: int, near: np.ndarray) -> tuple[int, int]:
     """Return how many nodes of a layer lie well inside, and how many `near` the surface (rows iy, ix)."""
     _, ny, nx = u.shape
     inside = found = 0
@@ -71,7 +73,9 @@ def _sort_layer(u, iz, near):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _quadrature(u, origin, spacing, control):  # pragma: no cover - compiled
+def _quadrature(
+    u: np.ndarray, origin: np.ndarray, spacing: float, control: np.ndarray
+) -> tuple[float, float]:
     """Return volume and area of u <= 1 from samples of u on a grid of cubes of edge `spacing`.
 
     The step across the surface is smeared over 3 cells by a kernel without second moment, so that
@@ -105,7 +109,7 @@ def _quadrature(u, origin, spacing, control):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _triangle_area(vertices, faces):  # pragma: no cover - compiled
+def _triangle_area(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Return the area of all triangles together, in double precision and in their order."""
     total = 0.0
     for face in range(len(faces)):

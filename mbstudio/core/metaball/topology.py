@@ -51,7 +51,7 @@ class Topology:
 
 
 @njit(cache=True, nogil=True)
-def _euler_characteristic(solid):  # pragma: no cover - compiled
+def _euler_characteristic(solid: np.ndarray) -> int:
     """Return V - E + F - C of the nodes of `solid` joined through faces (6-connectivity)."""
     nz, ny, nx = solid.shape
     total = 0
@@ -84,7 +84,7 @@ def genus_of_voxels(solid: Bool[np.ndarray, "Z Y X"]) -> int:
 
 
 @njit(cache=True, nogil=True)
-def group_root(parent, i):  # pragma: no cover - compiled
+def group_root(parent: np.ndarray, i: int) -> int:
     """Return the group of i in a disjoint-set forest, and shorten the way to it."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -93,7 +93,7 @@ def group_root(parent, i):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def lowest_between(control, a, b, samples, enough):  # pragma: no cover - compiled
+def lowest_between(control: np.ndarray, a: int, b: int, samples: int, enough: float) -> float:
     """Return the lowest f on the line between control points a and b; any value below `enough` does."""
     lowest = np.inf
     for step in range(1, samples):
@@ -112,7 +112,7 @@ def lowest_between(control, a, b, samples, enough):  # pragma: no cover - compil
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def nearest_link(control, piece, samples):  # pragma: no cover - compiled
+def nearest_link(control: np.ndarray, piece: np.ndarray, samples: int) -> tuple[int, int, float]:
     """Return the two control points of different pieces nearest to joined, and the lowest f between."""
     best, at_a, at_b = -1.0, -1, -1
     for a in range(control.shape[1]):
@@ -126,7 +126,7 @@ def nearest_link(control, piece, samples):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def join_by_lines(control, parent, samples):  # pragma: no cover - compiled
+def join_by_lines(control: np.ndarray, parent: np.ndarray, samples: int) -> None:
     """Join control points of different groups where the line between them stays in the solid."""
     n = control.shape[1]
     for a in range(n):

@@ -84,7 +84,8 @@ def _u_and_gradient(
 def first_order_distance(points: Points, centers: Centers, weights: Weights) -> Float[torch.Tensor, "m"]:
     """Return ``(u - 1) / |grad u|`` with ``u = f**-1/2``: negative inside, exact for one control point."""
     u, gradient = _u_and_gradient(points, centers, weights)
-    return (u - 1.0) / gradient.norm(dim=1)
+    distance: torch.Tensor = (u - 1.0) / gradient.norm(dim=1)
+    return distance
 
 
 def project_to_surface(points: Points, centers: Centers, weights: Weights, steps: int = 12) -> Points:

@@ -127,7 +127,7 @@ def _extents(
 
 
 @njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
-def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:  # pragma: no cover - compiled
+def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Extent of corners (3, m) along each row; a compiled loop, as the product would be m times as large."""
     out = np.empty(len(rows))
     px, py, pz = corners[0], corners[1], corners[2]
@@ -153,7 +153,8 @@ def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:  # pragma: no 
 def _heights(rows: Float[np.ndarray, "r 3"], corners: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "r m"]:
     """Heights of corners along each row; no matrix product, whose threads would wait for those of others."""
     x, y, z = np.ascontiguousarray(corners.T)
-    return rows[:, :1] * x + rows[:, 1:2] * y + rows[:, 2:] * z
+    heights: np.ndarray = rows[:, :1] * x + rows[:, 1:2] * y + rows[:, 2:] * z
+    return heights
 
 
 def _within_reach(
@@ -168,7 +169,8 @@ def _within_reach(
     near = (heights >= heights.max(axis=1, keepdims=True) - slack) | (
         heights <= heights.min(axis=1, keepdims=True) + slack
     )
-    return corners[near.any(axis=0)]
+    kept: np.ndarray = corners[near.any(axis=0)]
+    return kept
 
 
 def _frames_of(corners: Float[np.ndarray, "m 3"], hull: ConvexHull) -> Float[np.ndarray, "k 3 3"]:
@@ -195,7 +197,8 @@ def starting_frames() -> Float[np.ndarray, "k 3 3"]:
     quaternions = np.stack(
         [r * np.sin(alpha), r * np.cos(alpha), big_r * np.sin(beta), big_r * np.cos(beta)], axis=1
     )
-    return Rotation.from_quat(quaternions).as_matrix()
+    frames: np.ndarray = Rotation.from_quat(quaternions).as_matrix()
+    return frames
 
 
 def inertia_lengths(second: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:

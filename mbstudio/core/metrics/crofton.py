@@ -139,7 +139,8 @@ def _seen_shares(
     total = float(np.linalg.norm(gradient, axis=1).sum())
     units = np.array([np.array(shift[::-1]) * voxel_size.xyz / length for shift, length, _ in directions])
     seen = np.abs(gradient @ units.T.astype(np.float32)).sum(axis=0, dtype=np.float64)
-    return 0.5 * seen / total
+    shares: np.ndarray = 0.5 * seen / total
+    return shares
 
 
 def block_shares(
@@ -160,9 +161,7 @@ def block_shares(
 
 
 @njit(cache=True, nogil=True)
-def _count(
-    mask: np.ndarray, rind: np.ndarray, shifts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:  # pragma: no cover - compiled
+def _count(mask: np.ndarray, rind: np.ndarray, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Count runs and gaps; `rind` are the voxels inside that are close to the outside.
 
     The mask has an empty rim as wide as the longest shift.

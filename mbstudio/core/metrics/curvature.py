@@ -66,11 +66,13 @@ class SmoothedBody:
 
     def _filtered(self, order: tuple[int, int, int]) -> Float[np.ndarray, "Z Y X"]:
         """Return a derivative (orders along z, y, x) of the smoothed share, per cell."""
-        return ndimage.gaussian_filter(self.share, SIGMA, order=order, truncate=4.0)
+        derivative: np.ndarray = ndimage.gaussian_filter(self.share, SIGMA, order=order, truncate=4.0)
+        return derivative
 
     def cells_of(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "3 m"]:
         """Return the (fractional) indices z, y, x of points."""
-        return ((points - self.origin) / self.edge)[:, ::-1].T
+        cells: np.ndarray = ((points - self.origin) / self.edge)[:, ::-1].T
+        return cells
 
     def distance_at(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
         """Return how far points near it lie outside the smoothed surface, to first order."""
@@ -80,7 +82,10 @@ class SmoothedBody:
             ndimage.map_coordinates(self._filtered(order), places, order=1)
             for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
         ]
-        return (self.level - value) / np.maximum(np.linalg.norm(slope, axis=0), 1e-6) * self.edge
+        distances: np.ndarray = (
+            (self.level - value) / np.maximum(np.linalg.norm(slope, axis=0), 1e-6) * self.edge
+        )
+        return distances
 
     def surface(self) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
         """Return the smoothed surface as vertices, in cells (z, y, x), and faces."""
@@ -121,10 +126,12 @@ class SmoothedBody:
         operator = -tangent @ hessian @ tangent / size[:, None, None]
         mean = np.trace(operator, axis1=1, axis2=2) / 2
         squares = np.einsum("vij,vij->v", operator, operator)
-        return (mean + np.sqrt(np.maximum(squares / 2 - mean**2, 0.0))) / self.edge
+        largest: np.ndarray = (mean + np.sqrt(np.maximum(squares / 2 - mean**2, 0.0))) / self.edge
+        return largest
 
     def _at(self, order: tuple[int, int, int], places: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
-        return ndimage.map_coordinates(self._filtered(order), places.T, order=1)
+        values: np.ndarray = ndimage.map_coordinates(self._filtered(order), places.T, order=1)
+        return values
 
 
 def smoothed_body(

@@ -56,7 +56,8 @@ def band_energies(
     coefficients = values @ (solid_angles(corners) * radius)
     degree = np.floor(np.sqrt(np.arange(len(coefficients)) + 0.5)).astype(int)
     energies = np.bincount(degree, weights=coefficients**2)
-    return energies / energies[0]
+    shares: np.ndarray = energies / energies[0]
+    return shares
 
 
 def solid_angles(corners: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, " f"]:
@@ -65,7 +66,8 @@ def solid_angles(corners: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, " f"]
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     numerator = np.einsum("fi,fi->f", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("fi,fi->f", p, q) for p, q in ((a, b), (b, c), (c, a)))
-    return 2.0 * np.arctan2(numerator, la * lb * lc + ab * lc + bc * la + ca * lb)
+    angles: np.ndarray = 2.0 * np.arctan2(numerator, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return angles
 
 
 def _real_harmonics(directions: Float[np.ndarray, "f 3"], bands: int) -> Float[np.ndarray, "k f"]:

@@ -10,6 +10,7 @@ pick the starts; a local quadratic search ends at the maximum to better than 0.1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,6 +18,9 @@ from scipy.spatial import ConvexHull
 
 from mbstudio.core.metrics.sphere_directions import frame_along, half_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
+
+if TYPE_CHECKING:
+    import manifold3d
 
 _DIRECTIONS = 500
 _EXACT_AT_MOST = 24
@@ -62,7 +66,7 @@ class SilhouetteCaster:
         self._vertices = np.ascontiguousarray((vertices - (low + high) / 2) / self._scale)
         self._faces = np.ascontiguousarray(faces)
         self._solid = self._make_solid()
-        self._light = None
+        self._light: manifold3d.Manifold | None = None
 
     def cast(self, direction: Float[np.ndarray, " 3"]) -> Silhouette:
         """Return the silhouette along a direction (any length but zero)."""
@@ -87,7 +91,7 @@ class SilhouetteCaster:
             self._light = self._solid.simplify(_LIGHT_TOLERANCE) if many else self._solid
         return float(_project(self._light, frame_along(direction)).area()) * self._scale**2
 
-    def _make_solid(self):  # type: ignore[no-untyped-def]
+    def _make_solid(self) -> manifold3d.Manifold | None:
         import manifold3d
 
         mesh = manifold3d.Mesh64(
@@ -112,7 +116,7 @@ class SilhouetteCaster:
         return outlines
 
 
-def _project(solid, frame: Float[np.ndarray, "3 3"]):  # type: ignore[no-untyped-def]
+def _project(solid: manifold3d.Manifold, frame: Float[np.ndarray, "3 3"]) -> manifold3d.CrossSection:
     """Return the cross section that a solid projects to along the third row of the frame."""
     return solid.transform(np.column_stack([frame, np.zeros(3)])).project()
 
@@ -201,7 +205,8 @@ def _peak_of_quadratic(
     determinant = huu * hvv - huv * huv
     if huu >= 0 or determinant <= 0:
         return np.zeros(2)
-    return np.array([huv * gv - hvv * gu, huv * gu - huu * gv]) / determinant
+    peak: np.ndarray = np.array([huv * gv - hvv * gu, huv * gu - huu * gv]) / determinant
+    return peak
 
 
 def _hull_areas(hull: ConvexHull) -> Float[np.ndarray, " d"]:

@@ -192,9 +192,7 @@ def _deepest(inside: Bool[np.ndarray, "Z Y X"]) -> Float[np.ndarray, "s 3"]:
 
 
 @njit(cache=True, nogil=True)
-def _closest(
-    triangles: np.ndarray, point: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:  # pragma: no cover - compiled
+def _closest(triangles: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of a point to each triangle, and the closest points (Ericson 2004, 5.1.5)."""
     distances = np.empty(len(triangles))
     closest = np.empty((len(triangles), 3))

@@ -136,11 +136,12 @@ def _onto_surface(directions: np.ndarray, radii: np.ndarray, control: np.ndarray
         along = np.einsum("ij,ij->i", gradient, directions)
         step = 2.0 * (value - value * np.sqrt(value)) / np.where(along == 0, -np.inf, along)
         radii = radii + np.clip(step, -0.1 * radii, 0.1 * radii)
-    return directions * radii[:, None]
+    points: np.ndarray = directions * radii[:, None]
+    return points
 
 
 @njit(cache=True, nogil=True)
-def _volume_and_area(points, faces):  # pragma: no cover - compiled
+def _volume_and_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the volume and the area of a closed mesh."""
     volume = area = 0.0
     for f in range(len(faces)):
@@ -158,7 +159,7 @@ def _volume_and_area(points, faces):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _extents(points, frame):  # pragma: no cover - compiled
+def _extents(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return the edges of the box around points along the rows of a frame."""
     out = np.empty(3)
     for row in range(3):
@@ -172,7 +173,7 @@ def _extents(points, frame):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _turned(frame, turn):  # pragma: no cover - compiled
+def _turned(frame: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return a frame turned by a rotation vector (Rodrigues)."""
     angle = np.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     x, y, z = turn[0] / angle, turn[1] / angle, turn[2] / angle
@@ -188,7 +189,9 @@ def _turned(frame, turn):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _narrowed(points, frame, offsets, angle, stages):  # pragma: no cover - compiled
+def _narrowed(
+    points: np.ndarray, frame: np.ndarray, offsets: np.ndarray, angle: float, stages: int
+) -> tuple[np.ndarray, float]:
     """Return a frame of a smaller box and its volume, found by ever smaller turns."""
     edges = _extents(points, frame)
     volume = edges[0] * edges[1] * edges[2]
@@ -205,7 +208,7 @@ def _narrowed(points, frame, offsets, angle, stages):  # pragma: no cover - comp
 
 
 @njit(cache=True, nogil=True)
-def _least_box(points, fine, frames, offsets):  # pragma: no cover - compiled
+def _least_box(points: np.ndarray, fine: np.ndarray, frames: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Return the edges of the smallest box: the best few of many frames, then the best of these closely."""
     volumes = np.empty(len(frames))
     for f in range(len(frames)):
@@ -233,7 +236,9 @@ def _box_lengths(points: np.ndarray, fine: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _shadow(points, edges, direction, rays):  # pragma: no cover - compiled
+def _shadow(
+    points: np.ndarray, edges: np.ndarray, direction: np.ndarray, rays: np.ndarray
+) -> tuple[float, float]:
     """Return area and perimeter of a star-shaped body's projection: farthest edge along each azimuth."""
     azimuths = rays.shape[1]
     lateral = np.zeros(3)
@@ -273,7 +278,9 @@ def _shadow(points, edges, direction, rays):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _climbed(points, edges, views, climbs, rays):  # pragma: no cover - compiled
+def _climbed(
+    points: np.ndarray, edges: np.ndarray, views: np.ndarray, climbs: int, rays: np.ndarray
+) -> tuple[float, float]:
     """Return area and perimeter of the largest projection found from the best views."""
     areas = np.empty(len(views))
     for v in range(len(views)):

@@ -75,4 +75,5 @@ def closest_on_triangles(
     middle = triangles[0, 0]
     size = float(np.abs(triangles - triangles[:, :1]).max()) or 1.0
     reached = closest_point((triangles - middle) / size, (points - middle) / size)
-    return np.asarray(reached) * size + middle
+    nearest: np.ndarray = np.asarray(reached) * size + middle
+    return nearest

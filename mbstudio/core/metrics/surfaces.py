@@ -146,7 +146,8 @@ def signed_volumes(
     """Return the signed volume of the tetrahedron between each face and the mean of the vertices."""
     centred = vertices - vertices.mean(axis=0)
     a, b, c = (centred[faces[:, corner]] for corner in range(3))
-    return np.einsum("fi,fi->f", a, np.cross(b, c)) / 6.0
+    volumes: np.ndarray = np.einsum("fi,fi->f", a, np.cross(b, c)) / 6.0
+    return volumes
 
 
 def surface_area(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> float:

@@ -33,12 +33,14 @@ def _random_rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
     """Return a uniformly distributed rotation (QR of a Gaussian matrix, signs fixed)."""
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     q *= np.sign(np.diag(r))
-    return q * np.sign(np.linalg.det(q))
+    rotation: np.ndarray = q * np.sign(np.linalg.det(q))
+    return rotation
 
 
 def _directions(rng: np.random.Generator, count: int) -> Float[np.ndarray, "count 3"]:
     vectors = rng.standard_normal((count, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    directions: np.ndarray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return directions
 
 
 def _bumpy_ellipsoid(rng: np.random.Generator, axes: Float[np.ndarray, "3"], bumps: float) -> ImplicitBody:
@@ -54,7 +56,8 @@ def _bumpy_ellipsoid(rng: np.random.Generator, axes: Float[np.ndarray, "3"], bum
         radius = 1 + bumps * np.sin(direction @ waves.T + phases).mean(axis=1)
         # Dividing by the gradient's length makes the value a distance near the surface.
         slope = np.linalg.norm(direction / axes, axis=1)
-        return (length - radius) / np.maximum(slope, 1e-9)
+        distances: np.ndarray = (length - radius) / np.maximum(slope, 1e-9)
+        return distances
 
     return body
 
@@ -79,7 +82,8 @@ def _polyhedron(
     def body(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m"]:
         heights = ((points @ turn) * squeeze) @ planes.T - distances
         top = heights.max(axis=1)
-        return top + rounding * np.log(np.exp((heights - top[:, None]) / rounding).sum(axis=1))
+        rounded: np.ndarray = top + rounding * np.log(np.exp((heights - top[:, None]) / rounding).sum(axis=1))
+        return rounded
 
     return body
 
@@ -92,7 +96,8 @@ def _dented(rng: np.random.Generator, body: ImplicitBody, radius: float) -> Impl
 
     def dented(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m"]:
         outside = hollow - np.linalg.norm(points - place, axis=1)
-        return rounding * np.logaddexp(body(points) / rounding, outside / rounding)
+        distances: np.ndarray = rounding * np.logaddexp(body(points) / rounding, outside / rounding)
+        return distances
 
     return dented
 

@@ -127,7 +127,7 @@ def _stack_shape(document: Any, path: Path) -> tuple[tuple[int, int, int], np.dt
     lengths = tuple(length for _, length in axes)
     if len(axes) < 3:  # slices only one voxel long along an axis
         lengths = tuple(series.shape[-3:]) if len(series.shape) >= 3 else (1, *series.shape)
-    return lengths, dtype  # type: ignore[return-value]
+    return lengths, dtype
 
 
 def _require_complete(document: Any, path: Path) -> None:
