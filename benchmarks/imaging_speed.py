@@ -101,7 +101,7 @@ def sand(data: Path, workers: int = 2, count: int | None = None, seed: int = 0, 
         not given: their CPU time holds the start of the processes too.
     """
     import mbstudio as mb
-    from mbstudio.core.batch import fit_many
+    from mbstudio.core.batch.many_fits import fit_many
 
     grains = mb.segment(mb.open_scan(data / "sand_ct" / "sand_ct_14um.tif", voxel_size="14 um"))
     labels = grains.interior_labels

@@ -220,7 +220,7 @@ def choose_labels(project: Project, wanted: list[int] | None, limit: int | None,
 
 
 def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
-    from mbstudio.core.batch import grain_seed
+    from mbstudio.core.batch.many_fits import grain_seed
 
     # The window fits single grains with the seed itself, a batch with one made of it.
     seeds = (settings.seed, grain_seed(settings.seed, label))
@@ -231,7 +231,7 @@ def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
 
 def fit_into(project: Project, labels: list[int], workers: int | None = None) -> Outcome:
     """Fit grains and add their avatars to the project, also when interrupted."""
-    from mbstudio.core.batch import fit_many
+    from mbstudio.core.batch.many_fits import fit_many
 
     outcome = Outcome()
     settings = project.state.fit_settings

@@ -1,5 +1,6 @@
-"""The same step for many grains, on several processes."""
+"""Work on several processes: a pool of them, and what it does for many grains.
 
-from mbstudio.core.batch.crew import BatchItem, fit_many, grain_seed
-
-__all__ = ["BatchItem", "fit_many", "grain_seed"]
+`pool` is the one protocol (a job declares what goes in, what is done, what comes out), `child` what a process
+runs, `messages` how the two talk. Begin at :class:`~mbstudio.core.batch.pool.WorkerPool`, or for fits at
+:func:`~mbstudio.core.batch.many_fits.fit_many`.
+"""

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbstudio.core.batch.messages import Arrays, Head, Message
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
     import trimesh
-
-Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
 def grain_message(grain: Grain) -> Message:
@@ -33,7 +32,7 @@ def grain_message(grain: Grain) -> Message:
     return head, {"bits": np.packbits(mask)}
 
 
-def grain_of(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> Grain:
+def grain_from(head: Head, arrays: Arrays) -> Grain:
     """Return the grain of a message."""
     shape = tuple(head["shape"])
     mask = np.unpackbits(arrays["bits"], count=int(np.prod(shape))).reshape(shape).astype(bool)
@@ -63,10 +62,10 @@ def body_message(body: Grain | Avatar | trimesh.Trimesh) -> Message:
     }
 
 
-def body_of(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> Grain | Avatar | trimesh.Trimesh:
+def body_from(head: Head, arrays: Arrays) -> Grain | Avatar | trimesh.Trimesh:
     """Return the body of a message."""
     if head["body"] == "grain":
-        return grain_of(head, arrays)
+        return grain_from(head, arrays)
     if head["body"] == "avatar":
         return Avatar(arrays["centers"], arrays["weights"], head["unit"], head["label"], head["name"])
     import trimesh

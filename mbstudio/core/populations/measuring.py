@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstudio.core.batch.processes import Child, Crew, usable_cores
+from mbstudio.core.batch.body_messages import body_from, body_message
+from mbstudio.core.batch.messages import Arrays, Head, Message, Report
+from mbstudio.core.batch.pool import Job, WorkerPool
+from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.errors import GrainError, MbstudioError, MeasureError
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.metrics.bodies import UNITLESS, VoxelSurface
-from mbstudio.core.metrics.measuring import AxisConvention
+from mbstudio.core.metrics.detail import measure_detail
+from mbstudio.core.metrics.measuring import AxisConvention, measure
 from mbstudio.core.metrics.shape_factors import BANDS, CORE_FACTORS, DETAILED_FACTORS
 from mbstudio.core.populations.population import Kind, Population
-from mbstudio.core.populations.worker import (
-    Conventions,
-    Measurement,
-    ask,
-    measured,
-    receive_measurement,
-)
 from mbstudio.core.units import parse_unit
 
 if TYPE_CHECKING:
@@ -217,52 +213,15 @@ def _measure_all(
         raise MeasureError(
             f"{workers} processes cannot measure: give 1 or more, or 0 for the calling thread."
         )
-    items = _on_processes(makers, asked, min(workers, count)) if workers else _here(makers, asked)
-    found: dict[int, Measurement] = {}
-    try:
-        for place, measurement in items:
-            found[place] = measurement
-            if progress is not None:
-                progress(len(found) / count, f"{len(found)} of {count} bodies")
-    finally:
-        items.close()
-    return [found[place] for place in range(count)]
+    done = 0
 
+    def tell(_make: Callable[[], Body], _found: Measurement) -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done / count, f"{done} of {count} bodies")
 
-def _here(
-    makers: Sequence[Callable[[], Body]], asked: Conventions
-) -> Generator[tuple[int, Measurement], None, None]:
-    for place, make in enumerate(makers):
-        try:
-            body = make()
-        except MbstudioError as error:
-            yield place, Measurement({}, reason=str(error))
-            continue
-        yield place, measured(body, asked)
-
-
-def _on_processes(
-    makers: Sequence[Callable[[], Body]], asked: Conventions, size: int
-) -> Generator[tuple[int, Measurement], None, None]:
-    waiting, lock = iter(range(len(makers))), threading.Lock()
-
-    def next_place() -> int | None:
-        with lock:
-            return next(waiting, None)
-
-    def work(child: Child, place: int) -> tuple[int, Measurement]:
-        try:
-            body = makers[place]()
-        except MbstudioError as error:
-            return place, Measurement({}, reason=str(error))
-        ask(child.requests, body, asked)
-        return place, receive_measurement(child.answers)
-
-    def lost(place: int, code: int) -> tuple[int, Measurement]:
-        return place, Measurement({}, reason=f"The process that measured it ended with code {code}.")
-
-    crew = Crew(lambda: Child("mbstudio.core.populations.worker"), next_place, work, lost, size)
-    return crew.items(len(makers))
+    return WorkerPool(_Measurements(asked), workers).map(makers, tell)
 
 
 def _population(
@@ -282,3 +241,85 @@ def _population(
         reasons=tuple(item.reason for item in found),
         warnings=tuple(item.warning for item in found),
     )
+
+
+_STATED = ("unit", "surface", "axes", "warning")
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """How every body of a population is measured: the arguments of `measure`, and whether in detail."""
+
+    unit: str | None = None
+    axes: str = "obb"
+    surface: str | None = None
+    detail: bool = False
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One body measured, or why not.
+
+    Attributes
+    ----------
+    factors : mapping of str to float
+        Empty where the body could not be measured; NaN for a factor that is not defined.
+    unit, surface, warning, reason : str
+        As in `Population`; empty where they do not apply.
+    """
+
+    factors: Mapping[str, float]
+    unit: str = ""
+    surface: str = ""
+    warning: str = ""
+    reason: str = ""
+
+
+def measure_or_explain(body: Grain | Avatar | trimesh.Trimesh, asked: Conventions) -> Measurement:
+    """Measure one body, or say what went wrong: one bad body must not end a batch."""
+    try:
+        core = measure(body, unit=asked.unit, axes=asked.axes, surface=asked.surface)  # type: ignore[arg-type]
+        found: dict[str, Any] = core.as_dict()
+        warnings = [core.warning]
+        if asked.detail:
+            detail = measure_detail(body, unit=asked.unit)
+            found = {**detail.as_dict(), **found}
+            warnings.append(detail.warning)
+    except MbstudioError as error:
+        return Measurement({}, reason=str(error))
+    except (ArithmeticError, ValueError, IndexError, MemoryError, RuntimeError) as error:
+        return Measurement({}, reason=f"It could not be measured: {type(error).__name__}: {error}.")
+    numbers = {
+        name: float("nan") if value is None else float(value)
+        for name, value in found.items()
+        if name not in _STATED
+    }
+    return Measurement(numbers, core.unit, core.surface, " ".join(dict.fromkeys(filter(None, warnings))))
+
+
+class _Measurements(Job[Callable[[], "Body"], Measurement]):
+    """In goes what makes a body, out comes its measurement, or why there is none."""
+
+    def __init__(self, asked: Conventions) -> None:
+        self._asked = asked
+
+    def pack(self, make: Callable[[], Body]) -> Message:
+        head, arrays = body_message(make())
+        return {"body": head, "asked": asdict(self._asked)}, arrays
+
+    @staticmethod
+    def work(head: Head, arrays: Arrays, report: Report) -> Message:
+        found = measure_or_explain(body_from(head["body"], arrays), Conventions(**head["asked"]))
+        return asdict(found), {}
+
+    def unpack(self, make: Callable[[], Body], head: Head, arrays: Arrays) -> Measurement:
+        return Measurement(**head)
+
+    def work_here(self, make: Callable[[], Body]) -> Measurement:
+        return measure_or_explain(make(), self._asked)
+
+    def fail(self, make: Callable[[], Body], error: MbstudioError) -> Measurement:
+        return Measurement({}, reason=str(error))
+
+    def lose(self, make: Callable[[], Body], code: int) -> Measurement:
+        return Measurement({}, reason=f"The process that measured it ended with code {code}.")

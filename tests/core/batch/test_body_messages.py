@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mbstudio.core.batch.body_messages import body_message, body_of
+from mbstudio.core.batch.body_messages import body_from, body_message
 from mbstudio.core.batch.messages import receive, send
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball import Avatar
@@ -19,7 +19,7 @@ def there_and_back(body):
     pipe = io.BytesIO()
     send(pipe, *body_message(body))
     pipe.seek(0)
-    return body_of(*receive(pipe))
+    return body_from(*receive(pipe))
 
 
 def test_a_grain(rng):

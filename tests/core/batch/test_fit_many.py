@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mbstudio.core.batch import BatchItem, crew, fit_many
-from mbstudio.core.batch.crew import grain_seed
+from mbstudio.core.batch import pool
+from mbstudio.core.batch.many_fits import BatchItem, fit_many, grain_seed
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain, GrainSet
 from mbstudio.core.imaging import fit
@@ -133,15 +133,15 @@ def test_closing_ends_the_processes(grains: list[Grain]) -> None:
 
 
 def test_a_dead_process_costs_its_grain_only(grains: list[Grain], monkeypatch: pytest.MonkeyPatch) -> None:
-    real, killed = crew._Worker.fit, []
+    ask, killed = pool.Child.ask, []
 
-    def fit_or_die(self, grain, *how):
-        if grain.label == 13:
-            killed.append(grain.label)
+    def ask_or_die(self, message, on_report):
+        if message[0]["grain"]["label"] == 13:
+            killed.append(13)
             self.kill()
-        return real(self, grain, *how)
+        return ask(self, message, on_report)
 
-    monkeypatch.setattr(crew._Worker, "fit", fit_or_die)
+    monkeypatch.setattr(pool.Child, "ask", ask_or_die)
     items = by_label(fit_many(grains, n=8, workers=1))
     assert killed == [13]
     assert "process" in items[13].error
@@ -160,7 +160,7 @@ def test_works_from_a_bare_script_without_a_main_guard(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "import numpy as np, mbstudio as mb\n"
-        "from mbstudio.core.batch import fit_many\n"
+        "from mbstudio.core.batch.many_fits import fit_many\n"
         "from mbstudio.core.units import VoxelSize\n"
         "grain = mb.Grain(np.ones((9, 8, 7), dtype=bool), VoxelSize(1, 1, 1, 'um'), label=5)\n"
         "print([(i.label, i.result.avatar.n) for i in fit_many([grain], n=4, workers=1)])\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbstudio.core.batch import fit_many
+from mbstudio.core.batch.many_fits import fit_many
 from mbstudio.core.errors import FitError, GrainWarning
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit, start_fit

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from scipy import ndimage
 
+from mbstudio.core.batch import pool
 from mbstudio.core.errors import Cancelled, GrainError, GrainWarning, MeasureError
 from mbstudio.core.grains import Grain, load_labels
 from mbstudio.core.metaball import Avatar
@@ -85,17 +86,14 @@ def test_processes_change_nothing():
 
 
 def test_a_process_that_dies_costs_its_body_only(monkeypatch):
-    from mbstudio.core.populations import measuring
+    ask = pool.Child.ask
 
-    ask = measuring.ask
+    def ask_or_die(self, message, on_report):
+        if message[0]["body"]["body"] == "grain":
+            self.kill()
+        return ask(self, message, on_report)
 
-    def ask_or_die(stream, body, asked):
-        if isinstance(body, Grain):
-            stream.close()
-            raise BrokenPipeError
-        ask(stream, body, asked)
-
-    monkeypatch.setattr(measuring, "ask", ask_or_die)
+    monkeypatch.setattr(pool.Child, "ask", ask_or_die)
     found = measure_population([box(1, 1, 1), plate(), box(2, 2, 2)], workers=1)
     np.testing.assert_allclose(found.column("volume"), [1, np.nan, 8])
     assert "ended with code" in found.failures[77]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from mbstudio.core.batch.messages import answer_requests, receive, send
-from mbstudio.core.batch.processes import Child, Crew
+from mbstudio.core.batch.messages import Arrays, Head, Message, Report
+from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.metaball.topology import topology
 from mbstudio.core.metrics.star_factors import STAR_FACTORS, star_factors
@@ -184,18 +183,16 @@ def examined(
     blocks = [slice(start, start + _BLOCK) for start in range(0, len(control), _BLOCK)]
     states = np.zeros(len(control), dtype=np.int64)
     factors = np.full((len(control), len(STAR_FACTORS)), np.nan)
-    items = _here(control, blocks) if processes <= 1 else _on_processes(control, blocks, processes)
     done = 0
-    try:
-        for block, answer in items:
-            control[block], states[block], factors[block] = (
-                answer["control"], answer["states"], answer["factors"],
-            )  # fmt: skip
-            done += len(answer["states"])
-            if progress is not None:
-                progress(done / len(control), f"{done} of {len(control)} candidates")
-    finally:
-        items.close()
+
+    def keep(block: slice, found: Arrays) -> None:
+        nonlocal done
+        control[block], states[block], factors[block] = found["control"], found["states"], found["factors"]
+        done += len(found["states"])
+        if progress is not None:
+            progress(done / len(control), f"{done} of {len(control)} candidates")
+
+    WorkerPool(_Examinations(control), 0 if processes <= 1 else processes).map(blocks, keep)
     powers = np.array([3, 2, 0, 0, 0, 1, 1, 0, 1, 1, 1])
     return Candidates(
         replace(
@@ -211,47 +208,26 @@ def examined(
     )
 
 
-def _answer(control: np.ndarray) -> dict[str, np.ndarray]:
-    found = [examine(np.ascontiguousarray(one)) for one in control]
-    return {
-        "control": np.stack([one[0] for one in found]),
-        "states": np.array([one[1] for one in found], dtype=np.int64),
-        "factors": np.stack([one[2] for one in found]),
-    }
+class _Examinations(Job[slice, Arrays]):
+    """In goes a block of candidates, out come their mended control points, states and factors."""
 
+    def __init__(self, control: Float64[np.ndarray, "candidates 4 n"]) -> None:
+        self._control = control
 
-Answers = Generator[tuple[slice, dict[str, np.ndarray]], None, None]
+    def pack(self, block: slice) -> Message:
+        return {}, {"control": self._control[block]}
 
+    @staticmethod
+    def work(head: Head, arrays: Arrays, report: Report) -> Message:
+        found = [examine(np.ascontiguousarray(one)) for one in arrays["control"]]
+        return {}, {
+            "control": np.stack([one[0] for one in found]),
+            "states": np.array([one[1] for one in found], dtype=np.int64),
+            "factors": np.stack([one[2] for one in found]),
+        }
 
-def _here(control: np.ndarray, blocks: Iterable[slice]) -> Answers:
-    for block in blocks:
-        yield block, _answer(control[block])
+    def unpack(self, block: slice, head: Head, arrays: Arrays) -> Arrays:
+        return arrays
 
-
-def _on_processes(control: np.ndarray, blocks: list[slice], size: int) -> Answers:
-    waiting, lock = iter(blocks), threading.Lock()
-
-    def next_block() -> slice | None:
-        with lock:
-            return next(waiting, None)
-
-    def work(child: Child, block: slice) -> tuple[slice, dict[str, np.ndarray]]:
-        send(child.requests, {}, {"control": control[block]})
-        return block, receive(child.answers)[1]
-
-    def lost(_block: slice, code: int) -> tuple[slice, dict[str, np.ndarray]]:
+    def lose(self, block: slice, code: int) -> Arrays:
         raise GenerationError(f"A process that checked clones ended with code {code}: try fewer processes.")
-
-    crew = Crew(
-        lambda: Child("mbstudio.core.vae.generate.candidates"), next_block, work, lost, min(size, len(blocks))
-    )
-    return crew.items(len(blocks))
-
-
-def serve() -> None:
-    """Examine candidates until the caller closes the pipe."""
-
-    def answer(answers: BinaryIO, _head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        send(answers, {}, _answer(arrays["control"]))
-
-    answer_requests(answer)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import threading
 import warnings
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Int
 
-from mbstudio.core.batch.processes import Child, Crew
+from mbstudio.core.batch.body_messages import body_from, body_message
+from mbstudio.core.batch.messages import Arrays, Head, Message, Report
+from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import SerializationError, SerializationWarning
 from mbstudio.core.units import conversion_factor, parse_unit
 from mbstudio.core.vae.serialize.fit_target import prepared_body
-from mbstudio.core.vae.serialize.fit_worker import ask, receive_fitted
 from mbstudio.core.vae.serialize.frame import name_of
 from mbstudio.core.vae.serialize.mean_shape import template_of
 from mbstudio.core.vae.serialize.serialization import Serialization, Template
@@ -28,6 +28,7 @@ FEWEST_BODIES = 5
 _FOR_TEMPLATE = 32
 _TEMPLATE_ROUNDS = 2
 _COPY = 1e-5  # D_n and ln k
+_TEMPLATE = ("centers", "log_weights", "exchange")
 _OTHER_SIZE = 30.0
 
 Progress = Callable[[float, str], None]
@@ -105,7 +106,7 @@ def serialize(
     if template is None:
         template = _learned_template(work, n, told)
     told.message = "fitted"
-    fitted = work.fitted(range(len(bodies)), template, told)
+    fitted = work.fit(range(len(bodies)), template, told)
     return _checked(_gathered(fitted, template, names, asked or fitted[0].unit))
 
 
@@ -123,6 +124,47 @@ class _Telling:
             self._told(self._done / self._all, f"{self._done} of {self._all} bodies {self.message}")
 
 
+class _TemplateFits(Job[int, FittedBody]):
+    """In goes a body by its row, out comes its fit from the template."""
+
+    def __init__(
+        self, bodies: Sequence[Body], names: Sequence[str], unit: str | None, seed: int, template: Template
+    ) -> None:
+        self._bodies, self._names, self._unit, self._seed = bodies, names, unit, seed
+        self._template = template
+
+    def pack(self, row: int) -> Message:
+        head, arrays = body_message(self._bodies[row])
+        template = {f"template_{name}": getattr(self._template, name) for name in _TEMPLATE}
+        if self._template.stiffness is not None:
+            template["template_stiffness"] = self._template.stiffness
+        how = {"unit": self._unit, "seed": self._seed, "name": self._names[row]}
+        return {"body": head, "how": how}, {**arrays, **template}
+
+    @staticmethod
+    def work(head: Head, arrays: Arrays, report: Report) -> Message:
+        stiffness = arrays.pop("template_stiffness", None)
+        known = {name: arrays.pop(f"template_{name}") for name in _TEMPLATE}
+        template = Template(**known, stiffness=stiffness)
+        found = fit_from_template(body_from(head["body"], arrays), template, **head["how"])
+        told = {"diameter": found.diameter, "unit": found.unit, "rms": found.rms, "valid": found.valid}
+        return told, {"centers": found.centers, "log_weights": found.log_weights}
+
+    def unpack(self, row: int, head: Head, arrays: Arrays) -> FittedBody:
+        return FittedBody(arrays["centers"], arrays["log_weights"], **head)
+
+    def work_here(self, row: int) -> FittedBody:
+        return fit_from_template(
+            self._bodies[row], self._template, unit=self._unit, seed=self._seed, name=self._names[row]
+        )
+
+    def lose(self, row: int, code: int) -> FittedBody:
+        raise SerializationError(
+            f"The process that serialized '{self._names[row]}' ended with code {code}: "
+            "try again with fewer processes, which need less memory."
+        )
+
+
 class _Work:
     """The bodies, and how any of them are fitted from a template on one process or several."""
 
@@ -131,54 +173,11 @@ class _Work:
     ) -> None:
         self.bodies, self.names, self.unit, self.seed, self.processes = bodies, names, unit, seed, processes
 
-    def fitted(self, rows: Sequence[int], template: Template, told: _Telling) -> list[FittedBody]:
+    def fit(self, rows: Sequence[int], template: Template, told: _Telling) -> list[FittedBody]:
         """Return the fits of these bodies, in this order."""
-        found: dict[int, FittedBody] = {}
-        items = self._on_processes(rows, template) if self.processes > 1 else self._here(rows, template)
-        try:
-            for row, one in items:
-                found[row] = one
-                told.one()
-        finally:
-            items.close()
-        return [found[row] for row in rows]
-
-    def _here(self, rows: Sequence[int], template: Template) -> Generator[tuple[int, FittedBody], None, None]:
-        for row in rows:
-            yield (
-                row,
-                fit_from_template(
-                    self.bodies[row], template, unit=self.unit, seed=self.seed, name=self.names[row]
-                ),
-            )
-
-    def _on_processes(
-        self, rows: Sequence[int], template: Template
-    ) -> Generator[tuple[int, FittedBody], None, None]:
-        waiting, lock = iter(rows), threading.Lock()
-
-        def next_row() -> int | None:
-            with lock:
-                return next(waiting, None)
-
-        def work(child: Child, row: int) -> tuple[int, FittedBody]:
-            ask(
-                child.requests, self.bodies[row], template,
-                unit=self.unit, seed=self.seed, name=self.names[row],
-            )  # fmt: skip
-            return row, receive_fitted(child.answers)
-
-        def lost(row: int, code: int) -> tuple[int, FittedBody]:
-            raise SerializationError(
-                f"The process that serialized '{self.names[row]}' ended with code {code}: "
-                "try again with fewer processes, which need less memory."
-            )
-
-        crew = Crew(
-            lambda: Child("mbstudio.core.vae.serialize.fit_worker"), next_row, work, lost,
-            min(self.processes, len(rows)),
-        )  # fmt: skip
-        return crew.items(len(rows))
+        job = _TemplateFits(self.bodies, self.names, self.unit, self.seed, template)
+        pool = WorkerPool(job, 0 if self.processes == 1 else self.processes)
+        return pool.map(rows, lambda _row, _fitted: told.one())
 
 
 def _learned_template(work: _Work, n: int, told: _Telling) -> Template:
@@ -193,7 +192,7 @@ def _learned_template(work: _Work, n: int, told: _Telling) -> Template:
     template = template_of(prepared, n)
     del prepared
     for _ in range(_TEMPLATE_ROUNDS):
-        fitted = work.fitted(rows, template, told)
+        fitted = work.fit(rows, template, told)
         template = learned_template(
             np.stack([one.centers for one in fitted]), np.stack([one.log_weights for one in fitted])
         )

@@ -9,7 +9,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
-from mbstudio.core.batch import fit_many
+from mbstudio.core.batch.many_fits import fit_many
 from mbstudio.core.errors import FitError
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult, start_fit
