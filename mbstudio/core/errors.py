@@ -12,7 +12,7 @@ class MbstudioError(Exception):
 
 
 class Cancelled(MbstudioError):
-    """Work that the user stopped; raised out of a progress callback, it ends the work at once."""
+    """Work that the user stopped. Raised from a progress callback, it ends the work at once."""
 
 
 class UnitError(MbstudioError):
@@ -44,23 +44,23 @@ class AvatarError(MbstudioError):
 
 
 class FitError(MbstudioError):
-    """A fit that cannot be started or finished as asked."""
+    """A fit that cannot be started or finished as requested."""
 
 
 class SerializationError(MbstudioError):
-    """Avatars that cannot be brought to one common frame and order of control points."""
+    """Bodies that cannot be brought into one common frame and order of control points."""
 
 
 class SerializationWarning(UserWarning):
-    """Bodies that could be serialized, but of which the user should know something."""
+    """Bodies were serialized, but the user should know something about them."""
 
 
 class StyleError(MbstudioError):
-    """A style-learner that cannot be trained, read or written as asked."""
+    """A style-learner that cannot be trained, read or written as requested."""
 
 
 class GenerationError(MbstudioError):
-    """New grains that these parents cannot give."""
+    """New grains that cannot be generated from these parents."""
 
 
 class MeasureError(MbstudioError):

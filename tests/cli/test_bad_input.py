@@ -324,4 +324,4 @@ def test_filled_cavities_are_told_and_kept_on_request(mbstudio, tmp_path):
     assert "grain 1: Cavities of 257 voxels inside the grain were filled" in ran.err
     ran = mbstudio(*call, "--cavities", "keep", "-o", tmp_path / "kept.mbs")
     assert ran.code == 0
-    assert "grain 1: The grain's cavities (1) were kept as asked" in ran.err
+    assert "grain 1: The grain's cavities (1) were kept as requested" in ran.err

@@ -46,7 +46,10 @@ def agreement(labels: Int[np.ndarray, "*shape"], truth: Int[np.ndarray, "*shape"
     grain can match two.
     """
     if labels.shape != truth.shape:
-        raise SegmentationError(f"Labels of shape {labels.shape} cannot be scored against {truth.shape}.")
+        raise SegmentationError(
+            f"Labels of shape {labels.shape} cannot be scored against {truth.shape}: "
+            "give images of one shape."
+        )
     _, found_index = np.unique(labels, return_inverse=True)
     _, true_index = np.unique(truth, return_inverse=True)
     # numpy numbers the values by size: 0, the void, comes first. Room is left for it where there is none.

@@ -240,19 +240,19 @@ def _boolean(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
             f"The mask of '{name}' has shape {mask.shape}: it needs three axes (z, y, x), none empty."
         )
     if mask.dtype.kind not in "buif":
-        raise GrainError(f"The mask of '{name}' holds {mask.dtype}: use booleans.")
+        raise GrainError(f"The mask of '{name}' holds {mask.dtype}: give booleans.")
     if mask.dtype != bool:
         if mask.dtype.kind == "f" and not np.isfinite(mask).all():
-            raise GrainError(f"The mask of '{name}' holds values that are not finite: use booleans.")
+            raise GrainError(f"The mask of '{name}' holds values that are not finite: give booleans.")
         high = mask.max()
         if not ((mask == 0) | (mask == high)).all():
             raise GrainError(
-                f"The mask of '{name}' holds more than 0 and one other value: pass booleans, "
+                f"The mask of '{name}' holds more than 0 and one other value: give booleans, "
                 "for example labels == 7 or grey > threshold."
             )
         mask = mask != 0
     if not mask.any():
-        raise GrainError(f"The mask of '{name}' is empty: no voxel belongs to the grain.")
+        raise GrainError(f"The mask of '{name}' is empty: give a mask with at least one voxel of the grain.")
     return mask
 
 
@@ -270,7 +270,7 @@ def grain_from_mesh(
     body, source = _loaded(mesh)
     unit = unit or body.units
     if not unit:
-        raise UnitError(f"{source} does not say its unit: give unit, for example unit='mm'.")
+        raise UnitError(f"{source} does not contain its unit: give unit, for example unit='mm'.")
     unit = parse_unit(unit)
     body = _closed(body, source)
     low, high = body.bounds
@@ -323,7 +323,7 @@ def _loaded(mesh: str | Path | trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
 def _closed(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
     """Return the mesh with outward normals; MeshError unless it is one closed body."""
     if not np.isfinite(mesh.vertices).all():
-        raise MeshError(f"{source} has corners that are not finite numbers: export it again.")
+        raise MeshError(f"{source} has vertices that are not finite numbers: export it again.")
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.update_faces(mesh.unique_faces())
@@ -333,7 +333,7 @@ def _closed(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
         raise MeshError(
             f"{source} is not closed: {open_edges} open edges bound its holes; "
             "close them first, for example in MeshLab with Filters > Remeshing > Close Holes, "
-            "or take a grain whose whole surface was scanned."
+            "or use a grain whose whole surface was scanned."
         )
     if crowded:
         raise MeshError(
@@ -342,7 +342,9 @@ def _closed(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
             "for example in MeshLab with Filters > Cleaning > Repair non Manifold Edges."
         )
     if mesh.body_count > 1:
-        raise MeshError(f"{source} holds {mesh.body_count} separate bodies: save each grain as its own file.")
+        raise MeshError(
+            f"{source} holds {mesh.body_count} separate bodies: save each grain as a file of its own."
+        )
     if not mesh.is_winding_consistent:
         import trimesh.repair
 

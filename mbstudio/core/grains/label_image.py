@@ -62,7 +62,7 @@ def load_labels(
     labels = _whole_numbers(image, name)
     if scan is not None and labels.shape != scan.shape:
         raise SegmentationError(
-            f"{name} has shape {labels.shape}, but the scan {scan.shape} (z, y, x): "
+            f"{name} has shape {labels.shape}, but the scan has {scan.shape} (z, y, x): "
             "labels must cover the same voxels."
         )
     if scan is not None:
@@ -71,7 +71,9 @@ def load_labels(
     values = np.unique(labels)
     values = values[values > 0]
     if not len(values):
-        raise SegmentationError(f"{name} holds no grain: every voxel is 0.")
+        raise SegmentationError(
+            f"{name} contains no grain: every voxel is 0. Check that the right file was exported."
+        )
     numbered = np.searchsorted(values, labels).astype(np.int32) + 1
     numbered[labels == 0] = 0
     if len(values) == 1:
@@ -108,7 +110,7 @@ def _whole_numbers(image: np.ndarray, name: str) -> Int[np.ndarray, "Z Y X"]:
         )
     if image.dtype.kind == "f":
         if not np.isfinite(image).all() or not (image == np.rint(image)).all():
-            raise SegmentationError(f"{name} holds values that are no whole numbers: it is no label image.")
+            raise SegmentationError(f"{name} holds values that are not whole numbers: give a label image.")
         image = image.astype(np.int64)
     elif image.dtype.kind == "b":
         image = image.astype(np.uint8)

@@ -145,7 +145,7 @@ def segment(
     if not count:
         raise SegmentationError(
             f"No grains were found in {scan.path or 'the scan'} above the grey value {threshold:g}: "
-            "check the threshold, the smallest grain and whether border grains are dropped."
+            "check the threshold, the smallest grain, and whether grains at the border are dropped."
         )
     tell(0.97, "Making the table")
     grains = grain_set_of(labels, scan.voxel_size, scan.origin, view.rim)
@@ -158,7 +158,7 @@ def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -
     for name in overrides:
         if name not in known:
             raise SegmentationError(
-                f"'{name}' is no setting of the segmentation: use one of {', '.join(known)}."
+                f"'{name}' is not a setting of the segmentation: use one of {', '.join(known)}."
             )
     return replace(settings, **overrides)
 

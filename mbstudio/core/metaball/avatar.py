@@ -65,7 +65,7 @@ class Avatar:
             )
         if not (np.isfinite(centers).all() and np.isfinite(weights).all()):
             raise AvatarError(
-                f"Avatar '{self.name}' has control points or weights that are not finite numbers."
+                f"Avatar '{self.name}' has control points or weights that are not finite numbers: check them."
             )
         if weights.min() <= 0:
             raise AvatarError(
@@ -188,7 +188,7 @@ class Avatar:
         if rotation is not None:
             matrix = np.asarray(rotation, dtype=np.float64)
             if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-8):
-                raise AvatarError(f"Avatar '{self.name}' can only be turned by an orthogonal 3 x 3 matrix.")
+                raise AvatarError(f"Avatar '{self.name}' can only be rotated by an orthogonal 3 x 3 matrix.")
             centers = centers @ matrix.T
         if translation is not None:
             centers = centers + np.asarray(translation, dtype=np.float64)

@@ -240,10 +240,12 @@ def first_hits(
     starts, along = as_points(origins), unit_directions(directions)
     if starts.shape != along.shape:
         raise AvatarError(
-            f"{len(starts)} origins and {len(along)} directions make no rays: give as many of each."
+            f"There are {len(starts)} origins, but {len(along)} directions: give as many of each."
         )
     if not 0 < shortest_chord < 1:
-        raise AvatarError(f"shortest_chord = {shortest_chord} is no share of the diagonal: try 1e-5.")
+        raise AvatarError(
+            f"shortest_chord = {shortest_chord} is impossible: give a fraction of the diagonal, such as 1e-5."
+        )
     low, high = solid_bounds(control)
     diagonal = float(np.linalg.norm(high - low))
     # A hair wider, so that a face of the box that touches the surface is not its start.

@@ -84,7 +84,10 @@ def _cure(n: int, grain: Grain | None, needed: Callable[[], int] | None) -> str:
     # More than the estimate where that many have failed already; in tens, for it is no exact number.
     wanted = max(2 * n, -(-needed() // 10) * 10 if needed is not None else 0)
     if grain is not None and grain.voxel_count < max(FEWEST_VOXELS * n, FEWEST_VOXELS_OF_ADVICE * wanted):
-        return f"its {grain.voxel_count} voxels are too few for a truer avatar: scan finer or leave it out"
+        return (
+            f"its {grain.voxel_count} voxels are too few for a more accurate avatar: "
+            "scan with smaller voxels or leave it out"
+        )
     return f"n too small for this shape: try {wanted}"
 
 
@@ -97,8 +100,8 @@ def _warnings(kept: int, filled: int, voids: int) -> tuple[str, ...]:
         )
     if kept:
         told.append(
-            f"The grain's cavities ({kept}) were kept as asked, and the avatar has {voids}: "
-            "its volume and mass are without them."
+            f"The grain's cavities ({kept}) were kept as requested, and the avatar has {voids}: "
+            "its volume and mass exclude them."
         )
     return tuple(told)
 
@@ -159,17 +162,17 @@ def check(
     if found.pieces > 1 or found.voids > kept or abs(volume_error) > MOST_VOLUME_ERROR or too_rough:
         cure = _cure(max(avatar.n, asked or 0), grain, needed)
     if found.pieces > 1:
-        reasons.append(f"The avatar falls into {found.pieces} pieces: {cure}.")
+        reasons.append(f"The avatar is in {found.pieces} pieces: {cure}.")
     if found.voids > kept:
         cavities = "a cavity" if found.voids == 1 else f"{found.voids} cavities"
         reasons.append(f"The avatar has {cavities} inside: {cure}.")
     if counted:
         points = "1 control point lies" if counted == 1 else f"{counted} control points lie"
-        reasons.append(f"{points} outside the grain: fit it anew with method 'fast'.")
+        reasons.append(f"{points} outside the grain: fit it again with method 'fast'.")
     if abs(volume_error) > MOST_VOLUME_ERROR:
         reasons.append(f"The volume differs by {100 * volume_error:+.1f} %: {cure}.")
     if too_rough:
-        reasons.append(f"The surface lies {rms:.3g} {avatar.unit} off on average: {cure}.")
+        reasons.append(f"The surface is off by {rms:.3g} {avatar.unit} (rms): {cure}.")
     warnings = _warnings(kept, filled, found.voids)
     if grain_genus is not None and found.genus != grain_genus:
         told = f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}"

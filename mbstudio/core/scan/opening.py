@@ -72,7 +72,9 @@ def _dtype(name: str | np.dtype[Any] | type | None) -> np.dtype[Any] | None:
     try:
         return np.dtype(name)
     except TypeError as error:
-        raise ScanError(f"'{name}' is no voxel type: use for example uint8, uint16 or float32.") from error
+        raise ScanError(
+            f"'{name}' is not a voxel type: give for example uint8, uint16 or float32."
+        ) from error
 
 
 def _place(
@@ -85,9 +87,7 @@ def _place(
     if voxel_size is not None:
         return VoxelSize.parse(voxel_size, unit), (0.0, 0.0, 0.0)
     if reading.spacing is None:
-        raise UnitError(
-            f"{path} does not say how large its voxels are: give voxel_size, for example '14 um'."
-        )
+        raise UnitError(f"{path} does not contain the voxel size: give voxel_size, for example '14 um'.")
     file_unit = unit or reading.unit
     if file_unit is None:
         edges = " x ".join(f"{edge:g}" for edge in reading.spacing)

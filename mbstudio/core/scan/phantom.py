@@ -90,7 +90,10 @@ class PhantomRecipe:
                 content = tomllib.load(stream)
             return cls._from_content(content)
         except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
-            raise ScanError(f"{path} is no recipe of a synthetic scan ({error}).") from error
+            raise ScanError(
+                f"{path} is not a recipe of a synthetic scan ({error}): "
+                "compare it with assets/sample_scan.toml."
+            ) from error
 
     @classmethod
     def _from_content(cls, content: Mapping[str, Any]) -> PhantomRecipe:
@@ -160,7 +163,7 @@ def make_phantom(recipe: PhantomRecipe, seed: int = 0) -> Phantom:
     """
     if not recipe.kinds:
         raise ScanError(
-            "The recipe names no kinds of grains: add at least one [kinds.<name>] with share and diameter."
+            "The recipe has no kinds of grains: add at least one [kinds.<name>] with share and diameter."
         )
     rng = np.random.default_rng(seed)
     placed = _pack(recipe, rng)

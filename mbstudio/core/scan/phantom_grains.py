@@ -118,4 +118,4 @@ def make_grain(kind: str, diameter: float, rng: np.random.Generator) -> PhantomG
     if kind == "concave":
         axes = 1.06 * radius * np.array([1.08, 1.0, 0.95])
         return PhantomGrain(_dented(rng, _bumpy_ellipsoid(rng, axes, 0.1), 1.06 * radius), 1.4 * radius, kind)
-    raise ValueError(f"'{kind}' is no kind of grain: use cobble, angular, elongated or concave.")
+    raise ValueError(f"'{kind}' is not a kind of grain: use cobble, angular, elongated or concave.")

@@ -48,7 +48,7 @@ def test_a_cavity_is_kept_on_request(shell: Grain) -> None:
     assert result.verdict.valid, result.verdict.reasons
     assert result.verdict.voids == 1
     assert topology(result.avatar.control, cells=128).voids == 1
-    assert "kept as asked" in result.verdict.warnings[0]
+    assert "kept as requested" in result.verdict.warnings[0]
     # The surface has an inner part that bounds nothing solid; the signed volume of both is the shell's.
     assert result.avatar.mesh(128).volume == pytest.approx(SHELL, rel=0.02)
     assert result.avatar.field(np.array([shell.centroid]))[0] < 1

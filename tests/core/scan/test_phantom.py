@@ -115,7 +115,7 @@ def test_bad_recipes_are_refused(tmp_path: Path, small_recipe: PhantomRecipe) ->
         PhantomRecipe.read(broken)
     with pytest.raises(ScanError, match="no kinds"):
         make_phantom(replace(small_recipe, kinds={}))
-    with pytest.raises(ValueError, match="no kind"):
+    with pytest.raises(ValueError, match="not a kind"):
         make_grain("brick", 10, np.random.default_rng(0))
 
 

@@ -262,7 +262,7 @@ def test_raw_must_be_described(tmp_path: Path) -> None:
     path.write_bytes(bytes(8))
     with pytest.raises(ScanError, match="shape="):
         open_scan(path, "14 um")
-    with pytest.raises(ScanError, match="no voxel type"):
+    with pytest.raises(ScanError, match="not a voxel type"):
         open_scan(path, "14 um", shape=(2, 2, 2), dtype="grey")
     with pytest.raises(ScanError, match="impossible"):
         open_scan(path, "14 um", shape=(2, -2, 2), dtype="uint8")

@@ -34,8 +34,8 @@ def family_of(path: Path, options: ReadOptions) -> Family:
         return raw.FAMILY
     endings = ", ".join(suffix for family in FAMILIES for suffix in family.suffixes)
     raise ScanError(
-        f"{path} is no kind of scan that mbstudio reads ({endings}, or a folder of slices): "
-        "for bare voxels state their shape and dtype."
+        f"{path} is not a scan that mbstudio can read ({endings}, or a folder of slices): "
+        "for RAW voxels give shape and dtype."
     )
 
 

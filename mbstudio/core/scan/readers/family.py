@@ -88,10 +88,12 @@ def require_grey_volume(shape: tuple[int, ...], dtype: np.dtype[Any], path: Path
         )
     if len(shape) != 3:
         raise ScanError(
-            f"{path} holds {len(shape)} axes (shape {shape}) where a scan has three (z, y, x): "
+            f"{path} has {len(shape)} axes (shape {shape}), but a scan has three (z, y, x): "
             "save one channel and one time step as its own file."
         )
     if 0 in shape:
-        raise ScanError(f"{path} holds no voxels (shape {shape}): export the scan again.")
+        raise ScanError(f"{path} contains no voxels (shape {shape}): export the scan again.")
     if dtype.kind not in "buif":
-        raise ScanError(f"{path} holds values of type {dtype}: a scan needs real grey values.")
+        raise ScanError(
+            f"{path} holds values of type {dtype}: export grey values as integers or real numbers."
+        )

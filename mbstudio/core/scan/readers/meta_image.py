@@ -35,8 +35,8 @@ def read(path: Path, options: ReadOptions) -> Reading:
     spacing_text = fields.get("ElementSpacing", fields.get("ElementSize"))
     if fields.get("NDims", "3") != "3" or fields.get("ElementNumberOfChannels", "1") != "1":
         raise ScanError(
-            f"{path} holds {fields.get('NDims')} axes with {fields.get('ElementNumberOfChannels', '1')} "
-            "channels: a scan has three axes (z, y, x) and one grey value a voxel."
+            f"{path} has {fields.get('NDims')} axes with {fields.get('ElementNumberOfChannels', '1')} "
+            "channels: a scan has three axes (z, y, x) and one grey value per voxel."
         )
     try:
         voxels: VoxelArray | None = _mapped(path, fields, data_start)
@@ -70,7 +70,7 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
             fields[key.strip()] = value.strip()
             if key.strip() == "ElementDataFile":
                 return fields, stream.tell()
-    raise ScanError(f"{path} is no MetaImage header (no ElementDataFile): copy or export it again.")
+    raise ScanError(f"{path} is not a MetaImage header (no ElementDataFile): copy or export it again.")
 
 
 def _mapped(path: Path, fields: dict[str, str], data_start: int) -> np.ndarray | None:

@@ -35,7 +35,7 @@ def along_axes(
     """
     spacing = np.linalg.norm(steps, axis=1)
     if not np.isfinite(steps).all() or spacing.min() <= 0:
-        raise ScanError(f"{path} states an impossible voxel spacing {spacing.tolist()}: give voxel_size.")
+        raise ScanError(f"{path} gives an impossible voxel spacing {spacing.tolist()}: give voxel_size.")
     units = steps / spacing[:, None]
     if not np.allclose(units @ units.T, np.eye(3), atol=1e-3):
         raise ScanError(

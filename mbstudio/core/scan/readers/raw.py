@@ -20,13 +20,13 @@ def read(path: Path, options: ReadOptions) -> Reading:
     """
     if options.shape is None or options.dtype is None:
         raise ScanError(
-            f"{path} is a RAW file and does not say what it holds: state shape=(z, y, x) and dtype, "
+            f"{path} is a RAW file, which does not describe itself: give shape=(z, y, x) and dtype, "
             "for example shape=(400, 512, 512), dtype='uint16'."
         )
     shape = tuple(int(count) for count in options.shape)
     if len(shape) != 3 or min(shape) < 1:
         raise ScanError(
-            f"The shape {shape} stated for {path} is impossible: give three positive numbers (z, y, x)."
+            f"The shape {shape} given for {path} is impossible: give three positive numbers (z, y, x)."
         )
     if options.header_bytes < 0:
         raise ScanError(f"header_bytes={options.header_bytes} for {path} is impossible: give 0 or more.")
@@ -45,7 +45,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     if present > needed:
         raise ScanError(
             f"{path} has {present:,} bytes, {present - needed:,} more than shape {shape} of {dtype.name} "
-            "needs: check shape and dtype, or state the surplus as header_bytes if it lies in front."
+            "needs: check shape and dtype, or give the surplus as header_bytes if it precedes the voxels."
         )
     return Reading(np.memmap(path, dtype=dtype, mode="r", offset=options.header_bytes, shape=shape))
 

@@ -31,7 +31,7 @@ def _image_files(folder: Path) -> list[Path]:
     ]
     kinds = {"TIFF" if entry.suffix.lower() in TIFF_SUFFIXES else "PNG" for entry in images}
     if not images:
-        raise ScanError(f"The folder {folder} holds no slices: it needs TIFF or PNG images, one a slice.")
+        raise ScanError(f"The folder {folder} holds no slices: it needs TIFF or PNG images, one per slice.")
     if len(kinds) > 1:
         raise ScanError(f"The folder {folder} holds both TIFF and PNG images: keep one kind of slice in it.")
     return sorted(images, key=lambda entry: (natural_key(entry.stem), entry.name))
@@ -49,7 +49,7 @@ def _read_image(file: Path) -> np.ndarray:
     if image.ndim == 3 and image.shape[-1] in (3, 4):
         raise ScanError(f"The slice {file} is a colour image: convert the slices to grey values first.")
     if image.ndim != 2:
-        raise ScanError(f"The slice {file} holds {image.ndim} axes: a slice is one image (y, x).")
+        raise ScanError(f"The slice {file} has {image.ndim} axes: export each slice as one image (y, x).")
     return np.asarray(image)
 
 
@@ -69,11 +69,12 @@ def read(path: Path, options: ReadOptions) -> Reading:
             raise ScanError(
                 f"The slice {file} has {shape[0]} x {shape[1]} pixels, but {files[0].name} has "
                 f"{first.shape[0]} x {first.shape[1]}: all slices of a folder must be of one size; "
-                "take out images that are no slices (previews, projections)."
+                "remove images that are not slices (previews, projections)."
             )
         if dtype is not None and dtype != first.dtype:
             raise ScanError(
-                f"The slice {file} holds {dtype}, but {files[0].name} holds {first.dtype}: export all alike."
+                f"The slice {file} holds {dtype}, but {files[0].name} holds {first.dtype}: "
+                "export all with one type."
             )
 
     def read_slice(index: int) -> np.ndarray:

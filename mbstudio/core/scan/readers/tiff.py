@@ -153,7 +153,7 @@ def _require_complete(document: Any, path: Path) -> None:
         missing = True
     if missing:
         raise ScanError(
-            f"{path} is cut off: its pages need more bytes than its {size:,}; copy or export it again."
+            f"{path} is cut off: its pages need more than its {size:,} bytes; copy or export it again."
         )
 
 

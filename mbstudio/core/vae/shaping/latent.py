@@ -131,7 +131,7 @@ def morphed(
         If there are fewer than two steps, or a latent vector is none of this learner.
     """
     if steps < 2:
-        raise StyleError(f"{steps} steps lead from no grain to another: give 2 or more.")
+        raise StyleError(f"The interpolation cannot have {steps} steps: give 2 or more.")
     shares = np.linspace(0.0, 1.0, _FINE * (steps - 1) + 1)
     for _ in range(2):
         logs = log_radii(learner.decode(interpolated(learner, first, second, shares)))
