@@ -16,8 +16,8 @@ from parents import load_parents, make_parents
 
 from mbstudio.core.dem.shapes.mesh_target import MeshErrors
 from mbstudio.core.dem.shapes.remesh import angles_of, well_shaped_mesh
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.metaball import Avatar
-from mbstudio.core.metrics.factors import nominal_diameter
 from mbstudio.core.metrics.mass import mass_properties
 
 

@@ -275,12 +275,12 @@ def summarise(
     grains: GrainSet, fits: dict[int, FitResult], failures: dict[int, str], seconds: float
 ) -> dict[str, Any]:
     """Return the figures of a batch: how many, how true, how long."""
-    import numpy as np
 
+    from mbstudio.core.formulas import nominal_diameter
     from mbstudio.core.imaging.goals.target import FitTarget
 
     volume_of = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
-    diameters = [np.cbrt(6 / np.pi * volume_of[label]) for label in fits]
+    diameters = [nominal_diameter(volume_of[label]) for label in fits]
     verdicts = [result.verdict for result in fits.values()]
     rms = [verdict.rms / diameter for verdict, diameter in zip(verdicts, diameters, strict=True)]
     aimed = [result for result in fits.values() if result.target]

@@ -49,14 +49,14 @@ def add_intervals(
 
 def with_intervals(table: pd.DataFrame, rows: list[Row], unit: str) -> pd.DataFrame:
     """Return the table with the columns ``grain_..._low`` and ``grain_..._high`` of every factor."""
-    from mbstudio.core.metrics.factor_names import column_name
+    from mbstudio.core.metrics import FACTORS
 
     found = {row["label"]: row["interval"] for row in rows if "interval" in row}
     names: list[str] = list(next(iter(found.values()), ()))
     extra: dict[str, Any] = {}
     for name in names:
         for side, word in enumerate(("low", "high")):
-            extra[f"grain_{column_name(name, unit)}_{word}"] = [
+            extra[f"grain_{FACTORS[name].column(unit)}_{word}"] = [
                 found[label][name][side] if label in found else float("nan") for label in table["label"]
             ]
     return table.assign(**extra)

@@ -172,11 +172,12 @@ def _finish(
 def _rows(grains: Serialization, latents: np.ndarray, recipe: str) -> list[dict[str, Any]]:
     import numpy as np
 
+    from mbstudio.core.metrics import FACTORS
     from mbstudio.core.vae.shaping.meaning_factors import MEANINGS, meaning_factors
 
     factors = meaning_factors(grains)
     factors[:, 0] = np.exp(factors[:, 0])
-    columns = (f"dn_{grains.unit}", *MEANINGS[1:])
+    columns = (FACTORS["dn"].column(grains.unit), *MEANINGS[1:])
     return [
         {
             "name": grains.names[i],

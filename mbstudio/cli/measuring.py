@@ -110,7 +110,7 @@ def table_of(populations: ProjectPopulations, project: Project) -> pd.DataFrame:
     """Return one row a grain as a table: factors, their unit in the column, and what went wrong."""
     import numpy as np
 
-    from mbstudio.core.metrics.factor_names import column_name
+    from mbstudio.core.metrics import FACTORS
 
     grains, avatars = populations.grains, populations.avatars
     frame = grains.table().drop(columns=["unit", "axes"]).set_index("label").add_prefix("grain_")
@@ -120,7 +120,7 @@ def table_of(populations: ProjectPopulations, project: Project) -> pd.DataFrame:
         right["avatar_valid"] = [valid[label].valid for label in right.index]
         right["avatar_not_valid"] = [" ".join(valid[label].reasons) for label in right.index]
         frame = frame.join(right)
-        for name, column in ((name, column_name(name, grains.unit)) for name in grains.factors):
+        for name, column in ((name, FACTORS[name].column(grains.unit)) for name in grains.factors):
             with np.errstate(divide="ignore", invalid="ignore"):
                 errors = frame[f"avatar_{column}"] / frame[f"grain_{column}"] - 1
             frame[f"relative_error_{name}"] = errors.where(np.isfinite(errors))

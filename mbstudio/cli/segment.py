@@ -63,7 +63,9 @@ def describe_grains(grains: Any) -> dict[str, Any]:
     """Return how many grains there are, and how large."""
     import numpy as np
 
-    diameters = np.cbrt(6 / np.pi * grains.table["volume"].to_numpy())
+    from mbstudio.core.formulas import nominal_diameters
+
+    diameters = nominal_diameters(grains.table["volume"].to_numpy())
     return {
         "grains": len(grains),
         "interior": len(grains.interior_labels),

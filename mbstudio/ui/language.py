@@ -10,6 +10,8 @@ from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QLocale, QTranslator
 
+from mbstudio.core.translation import mark as mark  # for the texts in tables of the window
+
 FOLDER = Path(__file__).parent / "translations"
 
 
@@ -29,11 +31,6 @@ def tr(text: str, **values: object) -> str:
     """
     translated = QCoreApplication.translate("", text)
     return translated.format(**values) if values else translated
-
-
-def mark(text: str) -> str:
-    """Return a text as it is; ``lupdate`` collects it for a later `tr` of the name it is given."""
-    return text
 
 
 def install_translation(application: QCoreApplication, locale: QLocale | None = None) -> bool:

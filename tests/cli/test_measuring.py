@@ -10,7 +10,14 @@ import pytest
 
 from mbstudio.cli import measuring
 from mbstudio.core.errors import MeasureError
-from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, factor_intervals, measure
+from mbstudio.core.metrics import (
+    CORE_FACTORS,
+    DETAILED_FACTORS,
+    FACTORS,
+    Factor,
+    factor_intervals,
+    measure,
+)
 from mbstudio.core.project import Project
 
 
@@ -142,3 +149,24 @@ def test_a_mesh_has_no_intervals(mbstudio, tmp_path):
     ran = mbstudio("measure", tmp_path / "box.stl", "--unit", "cm", "--intervals")
     assert ran.code == 1
     assert "a mesh is exact" in ran.err
+
+
+def test_a_factor_that_is_added_to_the_table_has_its_columns(mbstudio, fitted_project, tmp_path):
+    added = Factor(
+        name="specific_surface", title="Specific surface", meaning="Surface area over volume", power=-1,
+        derive=lambda area, volume: area / volume,
+    )  # fmt: skip
+    chosen = ("measure", fitted_project, "--limit", 1, "--workers", 0, "--intervals")
+    with FACTORS.extended(added):
+        ran = mbstudio(*chosen, "--csv", tmp_path / "a.csv", "--json")
+    assert ran.code == 0, ran.err
+    (row,) = table_in(tmp_path / "a.csv")
+    of_grain = float(row["grain_area_um2"]) / float(row["grain_volume_um3"])
+    assert float(row["grain_specific_surface_per_um"]) == pytest.approx(of_grain)
+    assert float(row["grain_specific_surface_per_um_low"]) <= of_grain
+    error = float(row["avatar_specific_surface_per_um"]) / of_grain - 1
+    assert float(row["relative_error_specific_surface"]) == pytest.approx(error)
+    assert json.loads(ran.out)["summary"]["specific_surface"]["grain"] == pytest.approx(of_grain)
+    assert mbstudio("measure", fitted_project, "--limit", 1, "--csv", tmp_path / "b.csv").code == 0
+    (plain,) = table_in(tmp_path / "b.csv")
+    assert not [column for column in plain if "specific_surface" in column]

@@ -16,11 +16,15 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QLocale, QTranslator
 
 import mbstudio.ui
+from mbstudio.core.metrics import factor_table
+from mbstudio.core.metrics.factor_table import AXES, FACTORS, LATENT_MEANINGS
 from mbstudio.ui import language
 from mbstudio.ui.language import install_translation, mark, tr
 
 TOOLS = Path(PySide6.__file__).parent
 WINDOW = Path(mbstudio.ui.__file__).parent
+TABLES = (Path(factor_table.__file__),)
+"""Modules of the engine whose texts the window shows in the person's language."""
 
 
 def compile_translation(folder: Path, words: dict[str, str]) -> None:
@@ -98,9 +102,13 @@ def test_a_translator_is_kept_as_long_as_the_application(translators, tmp_path, 
 
 
 def sources():
-    """Return the parsed modules of the window by their names."""
-    modules = (path for path in sorted(WINDOW.rglob("*.py")) if path.name != "language.py")
-    return {str(path.relative_to(WINDOW)): ast.parse(path.read_text(encoding="utf-8")) for path in modules}
+    """Return the parsed modules whose texts the window shows, by their names."""
+    root = WINDOW.parent
+    return {str(path.relative_to(root)): ast.parse(path.read_text(encoding="utf-8")) for path in modules()}
+
+
+def modules():
+    return [*(path for path in sorted(WINDOW.rglob("*.py")) if path.name != "language.py"), *TABLES]
 
 
 def calls(tree):
@@ -290,6 +298,17 @@ def test_nothing_is_translated_when_a_module_is_imported():
     assert not found, found
 
 
+def test_every_text_of_the_table_of_factors_is_marked():
+    """What is not marked there would stay English in a translated window."""
+    marked = {call.args[0].value for call in calls(ast.parse(TABLES[0].read_text(encoding="utf-8")))}
+    texts = {text for factor in FACTORS.values() for text in (factor.title, factor.meaning)}
+    for meaning in LATENT_MEANINGS.values():
+        texts |= {meaning.title, meaning.plain, meaning.short, meaning.less, meaning.more, meaning.meaning}
+    texts |= {text for axes in AXES.values() for text in (axes.title, axes.meaning)}
+    assert {text for text in texts if re.search(r"[^\W\d_]{2,}", text)} - {"CSF"} <= marked
+    assert not [f for f in FACTORS.values() if re.search(r"[^\W\d_]{3,}", f.formula)], "a formula with words"
+
+
 def test_qts_own_tool_collects_every_text_of_the_window(tmp_path):
     # It does not look into f-strings, and must understand whatever else the modules write.
     written = {
@@ -297,9 +316,8 @@ def test_qts_own_tool_collects_every_text_of_the_window(tmp_path):
     }
     collected = tmp_path / "mbstudio_de.ts"
     tool = TOOLS / ("lupdate.exe" if sys.platform == "win32" else "lupdate")
-    modules = sorted(path for path in WINDOW.rglob("*.py") if path.name != "language.py")
     alias = ["-tr-function-alias", "QT_TR_NOOP+=mark", "-locations", "none"]
-    subprocess.run([tool, *alias, *modules, "-ts", collected], check=True, capture_output=True)
+    subprocess.run([tool, *alias, *modules(), "-ts", collected], check=True, capture_output=True)
     contexts = ElementTree.parse(collected).getroot().findall("context")
     assert [context.findtext("name") for context in contexts] == [""]
     assert {message.findtext("source") for message in contexts[0].findall("message")} == written

@@ -29,8 +29,6 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.core.dem.target import targets
-from mbstudio.core.metrics.bodies import UNITLESS
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations.sieving import SERIES_NAMES
 from mbstudio.core.vae.generate.generator import generate
 from mbstudio.core.vae.models.presets import PRESETS, find_preset
@@ -93,10 +91,8 @@ def keys_of(window):
 
 
 def words_of_the_library():
-    """Return what the library calls factors, sieves, presets, targets and their options, in English."""
-    units = (UNITLESS, "um", "mm", "m")
-    found = {name.heading(unit) for name in FACTOR_NAMES.values() for unit in units}
-    found |= {name.title for name in FACTOR_NAMES.values()} | set(SERIES_NAMES.values())
+    """Return what the library calls sieves, presets, targets and their options: its words are English."""
+    found = set(SERIES_NAMES.values())
     for preset in map(find_preset, PRESETS):
         found |= {preset.title, preset.summary}
     for target in targets().values():

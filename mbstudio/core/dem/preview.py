@@ -16,7 +16,7 @@ from mbstudio.core.dem.shapes.clump_target import clump_for_target
 from mbstudio.core.dem.shapes.level_set import LevelSet, level_set
 from mbstudio.core.dem.shapes.mesh_target import BodyMesh, mesh_of
 from mbstudio.core.dem.target import Geometry, Progress, complete_options, find_target
-from mbstudio.core.metrics.factors import nominal_diameter
+from mbstudio.core.formulas import nominal_diameter
 
 if TYPE_CHECKING:
     import trimesh

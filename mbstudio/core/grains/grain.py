@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from mbstudio.core.errors import GrainError, GrainWarning, MeshError, UnitError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.grains.pieces import bounding_box, pieces_of, without_cavities
 from mbstudio.core.grains.voxelisation import voxelise
 from mbstudio.core.units import VoxelSize, parse_unit
@@ -71,7 +72,7 @@ class Grain:
     @property
     def nominal_diameter(self) -> float:
         """Diameter D_n of the sphere of the same volume, in unit."""
-        return float((6 * self.volume / np.pi) ** (1 / 3))
+        return nominal_diameter(self.volume)
 
     @cached_property
     def centroid(self) -> Float[np.ndarray, "3"]:

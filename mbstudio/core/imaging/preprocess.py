@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float32, Float64
 from numba import njit
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.hull import outermost_voxels, points_on_surface, tips_of
 from mbstudio.core.metaball.avatar import Avatar
@@ -251,7 +252,7 @@ def prepare(
     if max(blocks) > 1:
         smoothing = _SMOOTHING_OF_BLOCKS
     else:
-        smoothing = 1.0 if np.cbrt(6 * count / np.pi) >= _SMALL_DIAMETER else _SMOOTHING_OF_FEW
+        smoothing = 1.0 if nominal_diameters(count) >= _SMALL_DIAMETER else _SMOOTHING_OF_FEW
     # Few or long voxels have steps that a sharper surface would follow.
     sharpened = smoothing != _SMOOTHING_OF_FEW and spacing.max() < _LONG_VOXELS * spacing.min()
     if hull == "voxels":

@@ -307,14 +307,14 @@ def write_sweep(path: Path, rows: Sequence[SweepRow]) -> None:
     OSError
         If the file cannot be written.
     """
-    from mbstudio.core.metrics import CORE_FACTORS
+    from mbstudio.core.metrics import FACTORS
     from mbstudio.core.replacement import replacing
 
-    columns = [*_COLUMNS, *(f"{_FACTOR}{name}" for name in CORE_FACTORS), *_LAST]
+    columns = [*_COLUMNS, *(f"{_FACTOR}{name}" for name in FACTORS.core), *_LAST]
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, columns)
         writer.writeheader()
-        writer.writerows(table_of(rows, CORE_FACTORS))
+        writer.writerows(table_of(rows, FACTORS.core))
 
 
 def read_sweep(path: Path) -> list[SweepRow]:

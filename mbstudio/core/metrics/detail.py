@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbstudio.core import formulas
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.metrics import factors
 from mbstudio.core.metrics.axes import convex_hull
 from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, measured_body
 from mbstudio.core.metrics.curvature import roughness, roundness, smoothed_body
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.harmonics import band_energies
-from mbstudio.core.metrics.shape_factors import DetailedFactors
+from mbstudio.core.metrics.shape_factors import DetailedFactors, scaled_factors
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
 from mbstudio.core.threads import one_thread
@@ -50,12 +50,11 @@ def detail_in_unit(measured: DetailedFactors, unit: str) -> DetailedFactors:
     """Return the same factors with lengths in another unit."""
     unit = parse_unit(unit)
     f = conversion_factor(measured.unit, unit)
-    lengths = ("inscribed", "enclosing", "feret_min", "feret_mid", "feret_max")
     x, y, z = measured.inscribed_centre
     u, v, w = measured.enclosing_centre
     return replace(
         measured,
-        **{name: getattr(measured, name) * f for name in lengths},
+        **scaled_factors(measured, measured.unit, unit),
         inscribed_centre=(x * f, y * f, z * f),
         enclosing_centre=(u * f, v * f, w * f),
         unit=unit,
@@ -67,7 +66,7 @@ def detailed_factors(body: MeasuredBody) -> DetailedFactors:
     """Return the detailed factors of a body that :func:`measured_body` prepared."""
     vertices, faces = body.outline
     hull = convex_hull(vertices)
-    dn = factors.nominal_diameter(body.volume)
+    dn = formulas.nominal_diameter(body.volume)
     smooth = smoothed_body(vertices, faces, dn)
     inner = inscribed_sphere(vertices, faces, smooth.inside, smooth.edge, smooth.origin)
     outer = enclosing_sphere(hull.points[hull.vertices])
@@ -77,7 +76,7 @@ def detailed_factors(body: MeasuredBody) -> DetailedFactors:
         convexity=float(signed_volumes(vertices, faces).sum()) / float(hull.volume),
         inscribed=2 * inner.radius,
         enclosing=2 * outer.radius,
-        sheppard=2 * inner.radius / dn,
+        sheppard=formulas.sheppard_ratio(2 * inner.radius, dn),
         feret_min=feret_min,
         feret_mid=feret_mid,
         feret_max=feret_max,

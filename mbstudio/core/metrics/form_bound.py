@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
+from mbstudio.core import formulas
 from mbstudio.core.errors import StyleError
 
 _DEGREES = (2, 4, 6, 8)
@@ -50,22 +51,21 @@ def highest_sphericity(csf: float) -> float:
     columns = np.concatenate([np.ones((1, _NODES)), terms])
     start = np.linalg.lstsq((columns * root).T, spheroid * root, rcond=None)[0][1:]
 
-    def of(weights: Float[np.ndarray, " degrees"]) -> tuple[float, float]:
-        """Return sphericity, and the Corey shape factor."""
+    def sphericity_and_csf(weights: Float[np.ndarray, " degrees"]) -> tuple[float, float]:
         radii = np.exp(weights @ terms)
         inclined = np.sqrt(1.0 + (1.0 - heights**2) * (weights @ slopes) ** 2)
         volume = 2.0 * np.pi / 3.0 * float(shares @ radii**3)
         area = 2.0 * np.pi * float(shares @ (radii**2 * inclined))
         along = float(shares @ (radii**5 * heights**2))
         across = 0.5 * float(shares @ (radii**5 * (1.0 - heights**2)))
-        return np.pi ** (1 / 3) * (6.0 * volume) ** (2 / 3) / area, float(np.sqrt(along / across))
+        return formulas.sphericity(volume, area), float(np.sqrt(along / across))
 
     found = minimize(
-        lambda weights: -of(weights)[0], start, method="SLSQP",
-        constraints=[{"type": "eq", "fun": lambda weights: of(weights)[1] - csf}],
+        lambda weights: -sphericity_and_csf(weights)[0], start, method="SLSQP",
+        constraints=[{"type": "eq", "fun": lambda weights: sphericity_and_csf(weights)[1] - csf}],
         options={"ftol": 1e-12, "maxiter": 200},
     )  # fmt: skip
-    return of(found.x)[0]
+    return sphericity_and_csf(found.x)[0]
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from mbstudio.core.metrics.shape_factors import BANDS
+from mbstudio.core.metrics.factor_table import BANDS
 from mbstudio.core.metrics.surfaces import split_to_edges
 
 _TURNED_AWAY = 2e-3

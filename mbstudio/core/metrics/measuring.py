@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
+from mbstudio.core import formulas
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.metrics import factors
 from mbstudio.core.metrics.axes import (
     BoundingBox,
     box_along,
@@ -22,11 +22,12 @@ from mbstudio.core.metrics.axes import (
     minimum_bounding_box,
 )
 from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, VoxelSurface, measured_body
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.projection import maximum_projection
-from mbstudio.core.metrics.shape_factors import ShapeFactors
+from mbstudio.core.metrics.shape_factors import ShapeFactors, scaled_factors
 from mbstudio.core.threads import one_thread
-from mbstudio.core.units import conversion_factor, parse_unit
+from mbstudio.core.units import parse_unit
 
 if TYPE_CHECKING:
     import trimesh
@@ -117,18 +118,7 @@ def smallest_box(body: MeasuredBody) -> BoundingBox:
 def in_unit(measured: ShapeFactors, unit: str) -> ShapeFactors:
     """Return the same factors with lengths, area and volume in another unit."""
     unit = parse_unit(unit)
-    f = conversion_factor(measured.unit, unit)
-    return replace(
-        measured,
-        volume=measured.volume * f**3,
-        area=measured.area * f**2,
-        dn=measured.dn * f,
-        ds=measured.ds * f,
-        shortest=measured.shortest * f,
-        intermediate=measured.intermediate * f,
-        longest=measured.longest * f,
-        unit=unit,
-    )
+    return replace(measured, **scaled_factors(measured, measured.unit, unit), unit=unit)
 
 
 @one_thread()
@@ -140,25 +130,18 @@ def core_factors(
     shortest, intermediate, longest = (float(length) for length in _axis_lengths(body, hull, axes, along))
     coarser = hull if body.coarse is None else convex_hull(body.coarse[0])
     shadow = maximum_projection(*body.outline, coarser, coarse=body.coarse)
-    dn = factors.nominal_diameter(body.volume)
-    ds = factors.projected_diameter(shadow.area)
-    return ShapeFactors(
-        volume=body.volume,
-        area=body.area,
-        sphericity=factors.sphericity(body.volume, body.area),
-        circularity=factors.circularity(shadow.area, shadow.perimeter),
-        csf=factors.corey_shape_factor(shortest, intermediate, longest),
-        dn=dn,
-        ds=ds,
-        dns=dn / ds,
-        shortest=shortest,
-        intermediate=intermediate,
-        longest=longest,
-        unit=body.unit,
-        axes=axes,
-        surface=body.surface,
-        warning=body.warning,
-    )
+    found = {
+        "volume": body.volume,
+        "area": body.area,
+        "circularity": formulas.circularity(shadow.area, shadow.perimeter),
+        "ds": formulas.projected_diameter(shadow.area),
+        "shortest": shortest,
+        "intermediate": intermediate,
+        "longest": longest,
+    }
+    for name in ("sphericity", "csf", "dn", "dns"):
+        found[name] = float(FACTORS.value(name, found))
+    return ShapeFactors(**found, unit=body.unit, axes=axes, surface=body.surface, warning=body.warning)
 
 
 def _axis_lengths(

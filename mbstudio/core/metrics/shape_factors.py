@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
-from mbstudio.core.metrics import factors
+from mbstudio.core.metrics.factor_table import FACTORS
+from mbstudio.core.units import conversion_factor
 
 
 @dataclass(frozen=True)
@@ -55,28 +57,22 @@ class DetailedFactors:
     warning: str = ""
 
     def as_dict(self) -> dict[str, float | str | None]:
-        """Return name and value of every factor, for tables; `band_1` and so on are None where undefined."""
-        row: dict[str, float | str | None] = {name: getattr(self, name) for name in DETAILED_FACTORS}
-        for band in range(1, BANDS + 1):
-            row[f"band_{band}"] = None if self.bands is None else self.bands[band]
+        """Return name and value of every factor, for tables; `band_1` and so on are None where undefined.
+
+        An added factor that needs core factors too is not among them: populations have it.
+        """
+        row: dict[str, float | str | None] = {
+            name: FACTORS.value(name, vars(self))
+            for name in FACTORS.detail
+            if name in vars(self) or vars(self).keys() >= set(FACTORS[name].arguments)
+        }
+        for band, name in enumerate(FACTORS.bands, 1):
+            row[name] = None if self.bands is None else self.bands[band]
         return {**row, "unit": self.unit, "surface": self.surface, "warning": self.warning}
 
 
-BANDS = 12
-"""Highest band of spherical harmonics."""
-
-DETAILED_FACTORS = (
-    "convexity",
-    "inscribed",
-    "enclosing",
-    "sheppard",
-    "feret_min",
-    "feret_mid",
-    "feret_max",
-    "roundness",
-    "roughness",
-)
-"""Every number in a `DetailedFactors` but the bands, by name."""
+DETAILED_FACTORS = FACTORS.detail
+"""Every number that a `DetailedFactors` has by itself but the bands, by name."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +110,9 @@ class ShapeFactors:
 
     Notes
     -----
-    The factors that follow from the axis lengths alone are properties: `krumbein`, `sneed_folk`,
-    `elongation` and `flatness` (Zingg), those of Potticary and of Angelidakis.
+    The factors that follow from these are attributes as well: `krumbein`, `sneed_folk`, `elongation` and
+    `flatness` (Zingg), those of Potticary and of Angelidakis, and what was added to
+    :data:`~mbstudio.core.metrics.factor_table.FACTORS`.
     """
 
     volume: float
@@ -139,77 +136,27 @@ class ShapeFactors:
         """L_s, L_i, L_l in unit."""
         return self.shortest, self.intermediate, self.longest
 
-    @property
-    def krumbein(self) -> float:
-        """Krumbein's intercept sphericity."""
-        return factors.krumbein_sphericity(*self.lengths)
-
-    @property
-    def sneed_folk(self) -> float:
-        """Sneed and Folk's maximum projection sphericity."""
-        return factors.sneed_folk_sphericity(*self.lengths)
-
-    @property
-    def elongation(self) -> float:
-        """Zingg's b/a: L_i / L_l."""
-        return self.intermediate / self.longest
-
-    @property
-    def flatness(self) -> float:
-        """Zingg's c/b: L_s / L_i."""
-        return self.shortest / self.intermediate
-
-    @property
-    def potticary_elongation(self) -> float:
-        """Potticary's elongation, 0 to 1."""
-        return factors.potticary_elongation(*self.lengths)
-
-    @property
-    def potticary_flatness(self) -> float:
-        """Potticary's flatness, 0 to 1."""
-        return factors.potticary_flatness(*self.lengths)
-
-    @property
-    def angelidakis_elongation(self) -> float:
-        """Angelidakis' elongation, 0 to 1."""
-        return factors.angelidakis_elongation(*self.lengths)
-
-    @property
-    def angelidakis_flatness(self) -> float:
-        """Angelidakis' flatness, 0 to 1."""
-        return factors.angelidakis_flatness(*self.lengths)
+    def __getattr__(self, name: str) -> float:
+        """Return a factor that follows from those measured: `krumbein`, and whatever else the table has."""
+        if name not in FACTORS or FACTORS[name].measured != "core":
+            raise AttributeError(f"There is no core factor '{name}'.")
+        return float(FACTORS.value(name, vars(self)))
 
     def as_dict(self) -> dict[str, float | str]:
         """Return name and value of every factor, for tables."""
-        found = asdict(self)
-        stated = {name: found.pop(name) for name in ("unit", "axes", "surface", "warning")}
-        return {**found, **{name: getattr(self, name) for name in AXIS_FACTORS}, **stated}
+        stated = {name: getattr(self, name) for name in ("unit", "axes", "surface", "warning")}
+        return {**{name: getattr(self, name) for name in FACTORS.core}, **stated}
 
 
-AXIS_FACTORS = (
-    "krumbein",
-    "sneed_folk",
-    "elongation",
-    "flatness",
-    "potticary_elongation",
-    "potticary_flatness",
-    "angelidakis_elongation",
-    "angelidakis_flatness",
-)
-"""Factors that follow from the three axis lengths."""
+CORE_FACTORS = FACTORS.core
+"""Every number that a `ShapeFactors` has by itself, by name."""
 
-CORE_FACTORS = (
-    "volume",
-    "area",
-    "sphericity",
-    "circularity",
-    "csf",
-    "dn",
-    "ds",
-    "dns",
-    "shortest",
-    "intermediate",
-    "longest",
-    *AXIS_FACTORS,
-)
-"""Every number in a `ShapeFactors`, by name."""
+
+def scaled_factors(record: ShapeFactors | DetailedFactors, unit: str, other: str) -> dict[str, Any]:
+    """Return the lengths, areas and volumes of a record, which are in one unit, in another."""
+    scale = conversion_factor(unit, other)
+    return {
+        field.name: getattr(record, field.name) * scale ** FACTORS[field.name].power
+        for field in fields(record)
+        if field.name in FACTORS and FACTORS[field.name].power
+    }

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 from numba import njit
 
+from mbstudio.core import formulas
 from mbstudio.core.metaball.field import field_and_gradient_at
 from mbstudio.core.metaball.rays import first_hits
 from mbstudio.core.metrics.axes import starting_frames
@@ -113,10 +114,12 @@ def star_factors(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, " 1
     shadow, perimeter = _largest_shadow(points)
     if not (volume > 0 and area > 0 and shadow > 0):
         return np.full(len(STAR_FACTORS), np.nan)
-    dn, ds = np.cbrt(6.0 * volume / np.pi), np.sqrt(4.0 * shadow / np.pi)
+    dn, ds = formulas.nominal_diameters(volume), formulas.projected_diameter(shadow)
+    # The choice among candidates rests on the last bits: pi D_n**2 / A and pi D_s / P_p stay in this order.
     return np.array([
         volume, area, np.pi * dn * dn / area, np.pi * ds / perimeter,
-        shortest / np.sqrt(intermediate * longest), dn, ds, dn / ds, shortest, intermediate, longest,
+        formulas.corey_shape_factor(shortest, intermediate, longest), dn, ds,
+        formulas.diameter_ratio(dn, ds), shortest, intermediate, longest,
     ])  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metrics.bodies import VoxelSurface, default_surface
 from mbstudio.core.metrics.detail import measure_detail
+from mbstudio.core.metrics.factor_table import FACTORS, Factor
 from mbstudio.core.metrics.measuring import AxisConvention, measure
 from mbstudio.core.metrics.perturbation import (
     GreyField,
@@ -22,45 +23,14 @@ from mbstudio.core.metrics.perturbation import (
     shifted_grains,
     threshold_grains,
 )
-from mbstudio.core.metrics.shape_factors import CORE_FACTORS, DETAILED_FACTORS, DetailedFactors, ShapeFactors
+from mbstudio.core.metrics.shape_factors import DetailedFactors, ShapeFactors
 
 _SPREADS = 2.0
 """Standard deviations of the shifted copies on either side."""
 _UNDONE = 2.0
 """How often the loss that smoothing once more brings is undone, where the smoothed surface is measured."""
-_UNSMOOTHED = {"crofton": ("volume", "area", "dn", "sphericity"), "smoothed": ("volume", "dn")}
-"""Found without the smoothed surface, by how the area is found."""
-_SIZES = (
-    "volume", "area", "dn", "ds", "shortest", "intermediate", "longest",
-    "inscribed", "enclosing", "feret_min", "feret_mid", "feret_max",
-)  # fmt: skip
-
-# What copies of one mask cannot show, in voxel edges over D_n, of the value (sizes) or as such (ratios): set
-# on every second of a set of real aggregates at 30, 60 and 120 voxels across, to hold 95 % of their factors.
-_ANY_AXES = {
-    "volume": 0.02, "area": 0.02, "dn": 0.02, "sphericity": 0.02,
-    "circularity": 0.3, "ds": 0.2, "dns": 0.15,
-}  # fmt: skip
-_AXES = {
-    "obb": {
-        "shortest": 1.5, "intermediate": 1.2, "longest": 1.2, "csf": 1.1, "krumbein": 0.6,
-        "sneed_folk": 0.75, "elongation": 0.9, "flatness": 1.05,
-        "potticary_elongation": 0.55, "potticary_flatness": 0.8,
-        "angelidakis_elongation": 0.55, "angelidakis_flatness": 0.8,
-    },
-    "feret": {
-        "shortest": 1.2, "intermediate": 2.2, "longest": 0.75, "csf": 0.9, "krumbein": 0.45,
-        "sneed_folk": 0.6, "elongation": 1.5, "flatness": 1.2,
-        "potticary_elongation": 0.6, "potticary_flatness": 0.8,
-        "angelidakis_elongation": 0.75, "angelidakis_flatness": 0.8,
-    },
-}  # fmt: skip
-"""Half as much again as 95 % of the tuning grains needed: touching corners change from grain to grain."""
 _INERTIA = 0.05
-_DETAIL = {
-    "convexity": 0.75, "inscribed": 1.0, "enclosing": 0.7, "sheppard": 0.8, "feret_min": 1.0,
-    "feret_mid": 2.0, "feret_max": 0.6, "roundness": 0.1, "roughness": 0.1,
-}  # fmt: skip
+"""What copies of one mask cannot show of factors of the ellipsoid of equal inertia, as `Factor.left_open`."""
 
 
 @dataclass(frozen=True)
@@ -141,16 +111,15 @@ def factor_intervals(
         field = field_of_grey(grain, grey, float(threshold), step)
 
     def numbers(copy: Grain) -> dict[str, float]:
-        values = _named(measure(copy, unit=unit, axes=axes, surface=surface), CORE_FACTORS)
-        return values | (_named(measure_detail(copy, unit=unit), DETAILED_FACTORS) if detail else {})
+        return _numbers(
+            measure(copy, unit=unit, axes=axes, surface=surface),
+            measure_detail(copy, unit=unit) if detail else None,
+        )
 
-    copies = _Copies(numbers, field, _UNSMOOTHED[surface])
-    values = _named(found, CORE_FACTORS) | ({} if extra is None else _named(extra, DETAILED_FACTORS))
+    copies = _Copies(numbers, field, surface, axes)
     voxel = max(grain.voxel_size.zyx) / grain.nominal_diameter
-    unsettled = _unsettled(axes)
     intervals = {
-        name: copies.interval(name, value, voxel * unsettled[name] * (value if name in _SIZES else 1.0), axes)
-        for name, value in values.items()
+        name: copies.interval(FACTORS[name], value, voxel) for name, value in _numbers(found, extra).items()
     }
     return FactorIntervals(found, extra, MappingProxyType(intervals), "mask" if grey is None else "grey")
 
@@ -159,34 +128,40 @@ class _Copies:
     """The numbers of all perturbed copies of one grain."""
 
     def __init__(
-        self, numbers: Callable[[Grain], dict[str, float]], field: GreyField, unsmoothed: tuple[str, ...]
+        self,
+        numbers: Callable[[Grain], dict[str, float]],
+        field: GreyField,
+        surface: VoxelSurface,
+        axes: AxisConvention,
     ) -> None:
-        self._unsmoothed = unsmoothed
+        self._surface, self._axes = surface, axes
         self.shifted = [numbers(copy) for copy in shifted_grains(field)]
         self.thresholds = [numbers(copy) for copy in threshold_grains(field)]
         self.blurred = numbers(blurred_grain(field))
 
-    def interval(self, name: str, value: float, floor: float, axes: AxisConvention) -> tuple[float, float]:
-        """Return the interval of one factor; see the notes of `factor_intervals`."""
+    def interval(self, factor: Factor, value: float, voxel: float) -> tuple[float, float]:
+        """Return the interval of one factor (see `factor_intervals`); `voxel` is an edge over D_n."""
+        name = factor.name
         shifted = np.array([copy[name] for copy in self.shifted])
-        smoothed = name not in self._unsmoothed and not (axes == "inertia" and name in _AXES["obb"])
+        by_inertia = self._axes == "inertia" and factor.axes == "chosen"
         candidates = [value, 2.0 * value - self.blurred[name], *(copy[name] for copy in self.thresholds)]
-        if smoothed:
+        if self._surface not in factor.voxels_only and not by_inertia:
             candidates.append(value - _UNDONE * float(shifted.mean() - value))
+        floor = voxel * _left_open(factor, self._axes) * (value if factor.power else 1.0)
         half = float(np.hypot(_SPREADS * shifted.std(ddof=1), floor))
-        return _within_bounds(name, float(min(candidates)) - half, float(max(candidates)) + half, value)
+        low, high = float(min(candidates)) - half, float(max(candidates)) + half
+        # Cut off at what the factor cannot be below or above; the value stays in it.
+        return min(value, max(low, 0.0)), max(value, min(high, factor.highest))
 
 
-def _within_bounds(name: str, low: float, high: float, value: float) -> tuple[float, float]:
-    """Cut an interval off at what the factor cannot be below or above; the value stays in it."""
-    highest = np.inf if name in _SIZES or name in ("dns", "roughness") else 1.0
-    return min(value, max(low, 0.0)), max(value, min(high, highest))
+def _left_open(factor: Factor, axes: AxisConvention) -> float:
+    if isinstance(factor.left_open, Mapping):
+        return factor.left_open.get(axes, _INERTIA)
+    return factor.left_open
 
 
-def _unsettled(axes: AxisConvention) -> dict[str, float]:
-    by_axes = _AXES[axes] if axes in _AXES else dict.fromkeys(_AXES["obb"], _INERTIA)
-    return _ANY_AXES | by_axes | _DETAIL
-
-
-def _named(record: ShapeFactors | DetailedFactors, names: tuple[str, ...]) -> dict[str, float]:
-    return {name: float(getattr(record, name)) for name in names}
+def _numbers(core: ShapeFactors, detailed: DetailedFactors | None) -> dict[str, float]:
+    """Return the factors of one grain by name, without the bands."""
+    known = vars(core) if detailed is None else vars(detailed) | vars(core)
+    names = FACTORS.core if detailed is None else (*FACTORS.core, *FACTORS.detail)
+    return {name: float(FACTORS.value(name, known)) for name in names}

@@ -16,8 +16,8 @@ from mbstudio.core.errors import GrainError, MbstudioError, MeasureError
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.metrics.bodies import UNITLESS, VoxelSurface
 from mbstudio.core.metrics.detail import measure_detail
+from mbstudio.core.metrics.factor_table import AXES, FACTORS
 from mbstudio.core.metrics.measuring import AxisConvention, measure
-from mbstudio.core.metrics.shape_factors import BANDS, CORE_FACTORS, DETAILED_FACTORS
 from mbstudio.core.populations.population import Kind, Population
 from mbstudio.core.units import parse_unit
 
@@ -190,7 +190,7 @@ def _unit_of(bodies: Sequence[Body]) -> str | None:
 
 
 def _conventions(unit: str | None, axes: str, surface: str | None, detail: bool) -> Conventions:
-    if axes not in ("obb", "feret", "inertia"):
+    if axes not in AXES:
         raise MeasureError(f"axes='{axes}' is not known: use 'obb', 'feret' or 'inertia'.")
     if surface not in (None, "crofton", "smoothed"):
         raise MeasureError(f"surface='{surface}' is not known: use 'crofton' or 'smoothed'.")
@@ -227,14 +227,13 @@ def _measure_all(
 def _population(
     name: str, kind: Kind, labels: Sequence[int], found: Sequence[Measurement], asked: Conventions
 ) -> Population:
-    names = list(CORE_FACTORS)
-    if asked.detail:
-        names += [*DETAILED_FACTORS, *(f"band_{band}" for band in range(1, BANDS + 1))]
+    names = (*FACTORS.core, *FACTORS.detail, *FACTORS.bands) if asked.detail else FACTORS.core
     return Population(
         name=name,
         kind=kind,
         labels=np.array(labels, dtype=np.int64),
-        factors={f: np.array([item.factors.get(f, np.nan) for item in found]) for f in names},
+        # Processes know only the factors that mbstudio has by itself: others are derived here.
+        factors={f: np.array([float(FACTORS.value(f, item.factors)) for item in found]) for f in names},
         unit=asked.unit or UNITLESS,
         axes=asked.axes,
         surface=", ".join(sorted({item.surface for item in found if item.surface})),

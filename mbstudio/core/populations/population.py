@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from mbstudio.core.errors import MeasureError
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES, column_name
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.units import conversion_factor, parse_unit
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Population:
     labels : int array, shape (bodies,)
         Each body's label; its place among the bodies where it has none.
     factors : mapping of str to float array, shape (bodies,)
-        By the names of `CORE_FACTORS` and, if measured, `DETAILED_FACTORS`, ``band_1`` and so on. NaN where
+        By their names in `FACTORS`: the core ones and, if measured, the detailed ones and bands. NaN where
         a body could not be measured or a factor is not defined. Read-only.
     unit : str
         Unit of the lengths; areas and volumes are in its powers.
@@ -148,7 +148,7 @@ class Population:
         """
         scale = conversion_factor(self.unit, unit)
         columns = {
-            name: column * scale ** (FACTOR_NAMES[name].power if name in FACTOR_NAMES else 0)
+            name: column * scale ** (FACTORS[name].power if name in FACTORS else 0)
             for name, column in self.factors.items()
         }
         return replace(self, factors=columns, unit=parse_unit(unit))
@@ -161,7 +161,7 @@ class Population:
         import pandas as pd
 
         columns: dict[str, object] = {"label": self.labels}
-        columns.update({column_name(name, self.unit): column for name, column in self.factors.items()})
+        columns.update({FACTORS[name].column(self.unit): column for name, column in self.factors.items()})
         stated = {"unit": self.unit, "axes": self.axes, "surface": self.surface}
         columns.update(stated)
         columns["warning"] = list(self.warnings)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import FormDiagram, Population, sneed_folk_diagram, zingg_diagram
 from mbstudio.core.populations.form import SNEED_FOLK_HEIGHTS, SNEED_FOLK_SIDES, ZINGG_LIMIT
 from mbstudio.scene.figures.population_style import (
@@ -58,8 +59,8 @@ def zingg_figure(populations: Sequence[Population], *, theme: SceneTheme = LIGHT
     axes.set_xlim(0, 1)
     axes.set_ylim(0, 1)
     axes.set_aspect("equal")
-    axes.set_xlabel("c/b  (flatness ratio)", color=theme.ink)
-    axes.set_ylabel("b/a  (elongation ratio)", color=theme.ink)
+    axes.set_xlabel(FACTORS["flatness"].label, color=theme.ink)
+    axes.set_ylabel(FACTORS["elongation"].label, color=theme.ink)
     _legend(figure, shown, theme)
     return figure
 

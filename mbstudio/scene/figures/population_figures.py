@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Float
 
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import (
     PAPER_FACTORS,
     Population,
@@ -115,7 +115,7 @@ def distribution_figure(
     for axes, draw, word in zip(figure.subplots(1, 2), (_draw_cdf, _draw_pdf), words, strict=True):
         plain_axes(axes, theme)
         draw(axes, shown, factor, by, theme, scale)
-        axes.set_xlabel(FACTOR_NAMES[factor].heading(unit), color=theme.ink)
+        axes.set_xlabel(FACTORS[factor].heading(unit), color=theme.ink)
         axes.set_ylabel(word, color=theme.ink)
         _legend(axes, shown, errors, theme)
     return figure
@@ -143,7 +143,7 @@ def _distributions(
         name = factors[place]
         plain_axes(axes, theme)
         scale, unit = readable_scale(shown, name)
-        axes.set_xlabel(FACTOR_NAMES[name].heading(unit), color=theme.ink)
+        axes.set_xlabel(FACTORS[name].heading(unit), color=theme.ink)
         draw = _draw_cdf if kind == "cdf" else _draw_pdf
         draw(axes, shown, name, by, theme, scale)
         if place % columns == 0:
@@ -262,7 +262,7 @@ def joint_figure(
     shown = with_bodies(populations)
     count = len(factors)
     scales = {name: readable_scale(shown, name) for name in factors}
-    headings = [FACTOR_NAMES[name].heading(scales[name][1]) for name in factors]
+    headings = [FACTORS[name].heading(scales[name][1]) for name in factors]
     figure = Figure(figsize=(2.15 * count, 2.15 * count), dpi=DPI, facecolor="white", layout="constrained")
     places = figure.subplots(count, count, squeeze=False)
     for row, column in product(range(count), repeat=2):
@@ -284,9 +284,7 @@ def joint_figure(
                 step = max(1, len(population) // _MOST_POINTS)
                 scatter(axes, population, x[::step], y[::step], place, theme, 7)
         if row == count - 1:
-            axes.set_xlabel(
-                FACTOR_NAMES[factors[column]].heading(shown[0].unit), fontsize=8.5, color=theme.ink
-            )
+            axes.set_xlabel(FACTORS[factors[column]].heading(shown[0].unit), fontsize=8.5, color=theme.ink)
         if column == 0 and row > 0:
             axes.set_ylabel(headings[row], fontsize=8.5, color=theme.ink)
     corner = places[0, -1] if count > 1 else places[0, 0]

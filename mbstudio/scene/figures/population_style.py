@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.metrics.bodies import UNITLESS
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor
 from mbstudio.scene.theme import SceneTheme
@@ -86,7 +86,7 @@ def marker_handles(shown: Sequence[Population], theme: SceneTheme) -> tuple[list
 
 def readable_scale(populations: Sequence[Population], factor: str) -> tuple[float, str]:
     """Return by what to multiply a factor, and the length unit that it is in then, for short numbers."""
-    unit, power = populations[0].unit, FACTOR_NAMES[factor].power
+    unit, power = populations[0].unit, FACTORS[factor].power
     values = np.concatenate([population.values(factor) for population in populations])
     if not power or unit == UNITLESS or not len(values):
         return 1.0, unit

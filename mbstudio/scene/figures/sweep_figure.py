@@ -7,7 +7,7 @@ quartiles where there are several grains.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.sweep import SweepRow, quantiles_of
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.scene.pictures.figures import DPI
 
 if TYPE_CHECKING:
@@ -36,37 +37,40 @@ class _Panel:
     """One diagram: its title, what it shows by name, and the label of its axis."""
 
     title: str
-    shown: tuple[tuple[str, str], ...]
+    shown: tuple[str, ...]
     axis: str = "Relative error (%)"
     dashed: int = 4  # from which line on: pairs that lie over each other stay apart
 
 
+_WORDS = {
+    "loss": "mean loss",
+    "rms": "RMS distance / Dₙ",
+    "hausdorff": "Hausdorff / Dₙ",
+    "overlap_error": "1 − IoU",
+    "seconds": "CPU time of a fit",
+}
+_SHAPE = "Shape factors"
 _PANELS = (
-    _Panel("Loss", (("loss", "mean loss"),), "Mean loss after the search"),
-    _Panel(
-        "Surface and overlap",
-        (("rms", "RMS distance / D$_n$"), ("hausdorff", "Hausdorff / D$_n$"), ("overlap_error", "1 − IoU")),
-        "Distance, volume (%)",
-    ),
-    _Panel("Size", (("volume", "V"), ("area", "A"), ("dn", "D$_n$"), ("ds", "D$_s$"))),
-    _Panel(
-        "Shape factors",
-        (("sphericity", "sphericity"), ("circularity", "circularity"), ("csf", "Corey"), ("dns", "D$_{ns}$")),
-    ),
-    _Panel("Axes", (("shortest", "L$_s$"), ("intermediate", "L$_i$"), ("longest", "L$_l$"))),
-    _Panel(
-        "Ratios of the axes",
-        (("elongation", "L$_i$ / L$_l$"), ("flatness", "L$_s$ / L$_i$"), ("krumbein", "Krumbein"),
-         ("sneed_folk", "Sneed & Folk")),
-    ),
+    _Panel("Loss", ("loss",), "Mean loss after the search"),
+    _Panel("Surface and overlap", ("rms", "hausdorff", "overlap_error"), "Distance, volume (%)"),
+    _Panel("Size", ("volume", "area", "dn", "ds")),
+    _Panel(_SHAPE, ("sphericity", "circularity", "csf", "dns")),
+    _Panel("Axes", ("shortest", "intermediate", "longest")),
+    _Panel("Ratios of the axes", ("elongation", "flatness", "krumbein", "sneed_folk")),
     _Panel(
         "Elongation and flatness (0 for a ball)",
-        (("potticary_elongation", "el., Potticary"), ("potticary_flatness", "fl., Potticary"),
-         ("angelidakis_elongation", "el., Angelidakis"), ("angelidakis_flatness", "fl., Angelidakis")),
+        ("potticary_elongation", "potticary_flatness", "angelidakis_elongation", "angelidakis_flatness"),
         dashed=2,
     ),
-    _Panel("Cost", (("seconds", "CPU time of a fit"),), "Seconds"),
-)  # fmt: skip
+    _Panel("Cost", ("seconds",), "Seconds"),
+)
+
+
+def _panels() -> list[_Panel]:
+    """Return the diagrams; factors that were added to the table join the others of shape."""
+    placed = {name for panel in _PANELS for name in panel.shown}
+    added = tuple(name for name in FACTORS.core if name not in placed)
+    return [replace(p, shown=p.shown + added) if p.title == _SHAPE else p for p in _PANELS]
 
 
 def sweep_figure(rows: Sequence[SweepRow]) -> Figure:
@@ -86,7 +90,7 @@ def sweep_figure(rows: Sequence[SweepRow]) -> Figure:
         raise FitError("The sweep has no fit to be drawn: see in its table why they failed.")
     grains = len({row.label for row in drawn})
     figure = Figure(figsize=(16, 7.6), dpi=DPI, facecolor="white", layout="constrained")
-    for index, (axes, panel) in enumerate(zip(figure.subplots(2, 4).flat, _PANELS, strict=True)):
+    for index, (axes, panel) in enumerate(zip(figure.subplots(2, 4).flat, _panels(), strict=True)):
         _draw(axes, panel, drawn)
         axes.set_title(f"({'abcdefgh'[index]}) {panel.title}", fontsize=11, loc="left")
     told = "1 grain" if grains == 1 else f"{grains} grains: medians, bands from quartile to quartile"
@@ -126,8 +130,9 @@ def _value_of(name: str) -> _Value:
 
 def _draw(axes: Axes, panel: _Panel, rows: Sequence[SweepRow]) -> None:
     several = len({row.label for row in rows}) > 1
-    for index, (name, label) in enumerate(panel.shown):
-        colour, mark, style = _COLOURS[index], _MARKS[index], "-" if index < panel.dashed else (0, (4, 3))
+    for index, name in enumerate(panel.shown):
+        colour, mark = _COLOURS[index % len(_COLOURS)], _MARKS[index % len(_MARKS)]
+        style = "-" if index < panel.dashed else (0, (4, 3))
         found = quantiles_of(rows, _value_of(name), (0.25, 0.5, 0.75))
         if not found:
             continue
@@ -137,7 +142,7 @@ def _draw(axes: Axes, panel: _Panel, rows: Sequence[SweepRow]) -> None:
             axes.fill_between(numbers, low, high, color=colour, alpha=0.13, linewidth=0)
         axes.plot(
             numbers, middle, color=colour, marker=mark, markersize=4.5, linewidth=1.7, linestyle=style,
-            label=label,
+            label=_WORDS[name] if name in _WORDS else FACTORS[name].label,
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")

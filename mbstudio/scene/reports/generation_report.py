@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mbstudio
 from mbstudio.core.metrics.bodies import UNITLESS
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population, size_distribution
 from mbstudio.core.replacement import replacing
 from mbstudio.core.units import unit_label
@@ -87,7 +87,7 @@ def quality_section(quality: Quality, shown: list[Population]) -> list[str]:
         scale, unit = readable_scale(shown, row.factor)
         moments = (scale * value for value in (*row.means, *row.deviations))
         rows.append([
-            FACTOR_NAMES[row.factor].heading(unit), *map(_number, moments),
+            FACTORS[row.factor].heading(unit), *map(_number, moments),
             f"{row.mean_error:.2f}", _floor(row.floor, "mean_error", 2),
             f"{row.deviation_error:.2f}", _floor(row.floor, "deviation_error", 2),
             f"{row.ks:.3f}", _floor(row.floor, "ks", 3),
@@ -131,7 +131,7 @@ def _asked(generation: Generation) -> str:
 
 def _correlations(quality: Quality) -> str:
     rows = [
-        [f"{FACTOR_NAMES[a].title}, {FACTOR_NAMES[b].title.lower()}", f"{x:.3f}", f"{y:.3f}", f"{y - x:+.3f}"]
+        [f"{FACTORS[a].title}, {FACTORS[b].title.lower()}", f"{x:.3f}", f"{y:.3f}", f"{y - x:+.3f}"]
         for a, b, x, y in quality.correlations
     ]
     low, high = quality.correlation_floor

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import mbstudio
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import AXES, FACTORS
 from mbstudio.core.populations import (
     Population,
     compare,
@@ -32,11 +32,6 @@ from mbstudio.scene.reports.report_page import facts, heading, page, paragraph, 
 if TYPE_CHECKING:
     from mbstudio.core.project import Project
 
-_AXES = {
-    "obb": "edges of the oriented bounding box of least volume",
-    "feret": "caliper (Feret) diameters",
-    "inertia": "axes of the homogeneous ellipsoid with the same inertia",
-}
 _SURFACES = {
     "crofton voxels": "grains: corrected Crofton formula on the voxels",
     "smoothed voxels": "grains: lightly smoothed surface of the voxels",
@@ -134,7 +129,7 @@ def _measured(project: Project, populations: ProjectPopulations) -> dict[str, st
     surfaces = {word for p in (grains, avatars) if p is not None for word in p.surface.split(", ") if word}
     return {
         **known,
-        "Axes a ≥ b ≥ c": _AXES[grains.axes],
+        "Axes a ≥ b ≥ c": _sentence_part(AXES[grains.axes].meaning),
         "Surface area": "; ".join(_SURFACES[surface] for surface in sorted(surfaces, reverse=True)),
         "Unit of length": unit_label(grains.unit),
         "Weighting": "by number of bodies, unless 'by mass' is said (volume at one density)",
@@ -170,7 +165,7 @@ def _statistics(population: Population) -> str:
             continue
         mean, deviation = moments(values)
         cells = [mean, deviation, *np.percentile(values, [0, 10, 50, 90, 100]).tolist()]
-        rows.append([FACTOR_NAMES[name].heading(unit), str(len(values)), *map(_number, cells)])
+        rows.append([FACTORS[name].heading(unit), str(len(values)), *map(_number, cells)])
     columns = (
         population.name.capitalize(),
         "n",
@@ -188,7 +183,7 @@ def _statistics(population: Population) -> str:
 def _compared(found: FactorComparison, errors: list[float], scale: float, unit: str) -> list[str]:
     moved = (scale * value for value in (*found.means, *found.deviations))
     return [
-        FACTOR_NAMES[found.factor].heading(unit),
+        FACTORS[found.factor].heading(unit),
         *map(_number, moved),
         *(_percent(error) for error in (found.mean_error, found.deviation_error)),
         _percent(100 * float(np.median(errors))) if errors else "–",
@@ -267,6 +262,10 @@ def _troubles(project: Project, populations: ProjectPopulations) -> list[str]:
     if warned:
         parts += [heading("To be minded"), table(["", "label", "warning"], warned, words=True)]
     return parts
+
+
+def _sentence_part(words: str) -> str:
+    return words[0].lower() + words[1:]
 
 
 def _number(value: float) -> str:

@@ -6,6 +6,7 @@ import logging
 from typing import TYPE_CHECKING
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.ui.language import tr
 from mbstudio.ui.workers import Task
 
@@ -93,7 +94,7 @@ class WindowWiring:
         diameter = None
         if grains is not None and chosen is not None:
             rows = grains.table.loc[grains.table["label"] == chosen, "volume"]
-            diameter = (6 * float(rows.iloc[0]) / 3.141592653589793) ** (1 / 3)
+            diameter = nominal_diameter(float(rows.iloc[0]))
         self.window.panels_grains.mark_grain(diameter)
         self._show_curve_of_fit()
 

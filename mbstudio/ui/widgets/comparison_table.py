@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population, compare, moments, size_distribution
 from mbstudio.core.populations.population import Weighting
 from mbstudio.core.populations.sieving import SieveSeries
@@ -104,7 +104,7 @@ def fill_factor(
 ) -> None:
     """Show mean and deviation of a factor, and how far each population is from the first."""
     scale, unit = readable_scale(populations, factor)
-    shown = FACTOR_NAMES[factor].unit(unit)
+    shown = FACTORS[factor].unit(unit)
     columns = []
     for place, population in enumerate(populations):
         values = population.values(factor)

@@ -14,8 +14,7 @@ from mbstudio.core.batch import pool
 from mbstudio.core.errors import Cancelled, GrainError, GrainWarning, MeasureError
 from mbstudio.core.grains import Grain, load_labels
 from mbstudio.core.metaball import Avatar
-from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, measure
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES, column_name
+from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, FACTORS, measure
 from mbstudio.core.populations import Population, measure_population
 from mbstudio.core.units import VoxelSize
 
@@ -161,15 +160,15 @@ def test_a_label_that_is_not_there(tmp_path):
 def test_every_factor_has_the_power_that_a_change_of_unit_gives_it():
     body = box(1, 2, 3)
     mm, um = (measure_population([body], unit=unit, detail=True, workers=0) for unit in ("mm", "um"))
-    assert set(mm.factors) == set(FACTOR_NAMES)
+    assert set(mm.factors) == set(FACTORS)
     for name in mm.factors:
         if mm.column(name)[0]:
             ratio = um.column(name)[0] / mm.column(name)[0]
-            assert ratio == pytest.approx(1000.0 ** FACTOR_NAMES[name].power, rel=1e-6), name
-    assert [column_name(name, "um") for name in ("volume", "area", "dn", "csf")] == [
+            assert ratio == pytest.approx(1000.0 ** FACTORS[name].power, rel=1e-6), name
+    assert [FACTORS[name].column("um") for name in ("volume", "area", "dn", "csf")] == [
         "volume_um3", "area_um2", "dn_um", "csf",
     ]  # fmt: skip
-    assert FACTOR_NAMES["area"].heading("um") == "Surface area A (µm²)"
+    assert FACTORS["area"].heading("um") == "Surface area A (µm²)"
 
 
 def test_another_unit_changes_lengths_areas_and_volumes():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree
 
@@ -11,7 +12,7 @@ import pytest
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.sweep import SweepRow
-from mbstudio.core.metrics import CORE_FACTORS
+from mbstudio.core.metrics import CORE_FACTORS, FACTORS, Factor
 from mbstudio.scene.figures.sweep_figure import save_sweep_figure, sweep_figure
 
 
@@ -38,7 +39,7 @@ def test_lines_are_medians_and_bands_quartiles():
     assert band[:, 1].max() == pytest.approx(2.5 / 10)
     # Relative errors in percent, without sign.
     np.testing.assert_allclose(factors.lines[0].get_ydata(), [20, 5, 1.25])
-    assert factors.get_legend().get_texts()[0].get_text() == "sphericity"
+    assert factors.get_legend().get_texts()[0].get_text() == "Sphericity ψ"
     assert all(axes.get_xscale() == axes.get_yscale() == "log" for axes in figure.axes)
 
 
@@ -74,3 +75,14 @@ def test_factors_that_are_unknown_leave_their_panel_empty():
     assert [bool(axes.lines) for axes in figure.axes] == [True] + 7 * [False]
     with pytest.raises(FitError, match="no fit to be drawn"):
         sweep_figure([SweepRow(1, "a", 10, "fast", 0, error="too small")])
+
+
+def test_a_factor_that_is_added_to_the_table_is_drawn_among_those_of_shape():
+    added = Factor(
+        name="squareness", title="Squareness", meaning="", derive=lambda sphericity: 1 - sphericity
+    )  # fmt: skip
+    with FACTORS.extended(added):
+        given = [replace(row, errors={**row.errors, "squareness": 0.1}) for row in rows(1)]
+        shape = sweep_figure(given).axes[3]
+    assert [text.get_text() for text in shape.get_legend().get_texts()][-1] == "Squareness"
+    np.testing.assert_allclose(shape.lines[-1].get_ydata(), 10.0)

@@ -17,6 +17,7 @@ from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.dem.shapes.clump_target import ClumpTarget, clump_for_target
 from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.options import Option
 
 CLUMP_TARGET = "clump_target"
@@ -68,7 +69,7 @@ def sphere_rows(clump: Clump) -> Float[np.ndarray, "n 4"]:
 
 def describe_clump(clump: Clump, body: DemBody) -> dict[str, Any]:
     """Return what the manifest says about a clump."""
-    diameter = (6 * body.mass.volume / np.pi) ** (1 / 3)
+    diameter = nominal_diameter(body.mass.volume)
     return {
         "spheres": len(clump.radii),
         "smallest_radius": float(clump.radii.min()),
@@ -130,7 +131,7 @@ def check_spheres(
     if not np.isfinite(rows).all() or rows[:, 3].min() <= 0:
         raise ExportError(f"{path} has numbers that are not finite, or a radius that is not positive.")
     reach = (np.linalg.norm(rows[:, :3], axis=1) + rows[:, 3]).max()
-    size = (6 * item["volume"] / np.pi) ** (1 / 3)
+    size = nominal_diameter(item["volume"])
     smallest, largest = rows[:, 3].min(), rows[:, 3].max()
     stated = item["details"]["smallest_radius"], item["details"]["largest_radius"]
     if not 0.4 * size < reach < 20 * size or not np.allclose((smallest, largest), stated, rtol=tolerance):

@@ -21,6 +21,7 @@ from mbstudio.core.dem.body import DemBody, is_finite
 from mbstudio.core.dem.formats.shape_checks import METABALL_SCRIPT, check_script, write_script
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import AvatarError, ExportError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import METRES_PER_UNIT, parse_unit
 
@@ -58,7 +59,7 @@ def _record_of(body: DemBody) -> dict[str, Any]:
         "unit": mass.unit,
         "scale": {
             "metres_per_unit": METRES_PER_UNIT[mass.unit],
-            "nominal_diameter": float((6 * mass.volume / np.pi) ** (1 / 3)),
+            "nominal_diameter": nominal_diameter(mass.volume),
         },
         "pose": {"position": mass.com.tolist(), "quaternion": mass.quaternion.tolist()},
         "name": body.source.name,

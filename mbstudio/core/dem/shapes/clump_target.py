@@ -8,10 +8,10 @@ from typing import ClassVar
 
 from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.errors import ExportError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.goals import Goal, Grammar, SmallestNumber
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics import mass_properties
-from mbstudio.core.metrics.factors import nominal_diameter
 
 _FEWEST = 2
 MEASURES: Mapping[str, str] = {

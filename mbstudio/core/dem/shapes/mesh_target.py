@@ -11,8 +11,8 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.shapes.remesh import well_shaped_mesh
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.metrics.factors import nominal_diameter
 from mbstudio.core.metrics.surface_distance import VerticesFaces, farthest_distance
 from mbstudio.core.metrics.surfaces import project_to_surface, subdivide
 

@@ -74,11 +74,11 @@ class Likeness:
         MeasureError
             If the factors of the grain or of the avatar are not defined.
         """
-        from mbstudio.core.metrics import CORE_FACTORS, measure
+        from mbstudio.core.metrics import FACTORS, measure
 
         true = self.factors
         ours = measure(avatar, unit=self.grain.unit, along=self.box_directions)
-        pairs = {name: (getattr(ours, name), getattr(true, name)) for name in CORE_FACTORS}
+        pairs = {name: (getattr(ours, name), getattr(true, name)) for name in FACTORS.core}
         return {name: float(a / b - 1.0) if b else float("nan") for name, (a, b) in pairs.items()}
 
     def iou(self, avatar: Avatar) -> float:

@@ -13,9 +13,9 @@ from mbstudio.core.imaging.steps import FitResult
 
 def list_measures() -> tuple[str, ...]:
     """Return the names that the goal of a fit may hold, beside ``n``."""
-    from mbstudio.core.metrics import CORE_FACTORS
+    from mbstudio.core.metrics import FACTORS
 
-    return ("rms", "hausdorff", OVERLAP, *CORE_FACTORS)
+    return ("rms", "hausdorff", OVERLAP, *FACTORS.core)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from mbstudio.core.batch.messages import Arrays, Head, Message, Report
 from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.metaball.topology import topology
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.metrics.star_factors import STAR_FACTORS, star_factors
 from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -25,17 +26,6 @@ REASONS = {
     UNUSABLE: "is no body about its centre",
 }
 """Why a candidate is refused."""
-
-AXIS_FACTORS: dict[str, Callable[[Any, Any, Any], Any]] = {
-    "elongation": lambda _shortest, intermediate, longest: intermediate / longest,
-    "flatness": lambda shortest, intermediate, _longest: shortest / intermediate,
-    "krumbein": lambda shortest, intermediate, longest: np.cbrt(intermediate * shortest / longest**2),
-    "sneed_folk": lambda shortest, intermediate, longest: np.cbrt(shortest**2 / (intermediate * longest)),
-}
-"""Factors that follow from the quick axis lengths, as in :mod:`mbstudio.core.metrics.factors`."""
-
-QUICK_FACTORS = (*STAR_FACTORS, *AXIS_FACTORS)
-"""Factors that every candidate has."""
 
 _BLOCK = 25
 _MOST_ROUNDS = 12
@@ -71,10 +61,17 @@ class Candidates:
         return len(self.states)
 
     def column(self, factor: str) -> Float64[np.ndarray, " candidates"]:
-        """Return one factor of every candidate, NaN where it has none; derived ones from the axes."""
-        if factor in STAR_FACTORS:
-            return self.factors[:, STAR_FACTORS.index(factor)]
-        return axis_factor(factor, *(self.column(name) for name in ("shortest", "intermediate", "longest")))
+        """Return a quick factor of every candidate, NaN where it has none.
+
+        Raises
+        ------
+        GenerationError
+            If the factor is not found quickly.
+        """
+        if factor not in FACTORS.quick:
+            raise GenerationError(f"'{factor}' is not found quickly: use one of {', '.join(FACTORS.quick)}.")
+        known = dict(zip(STAR_FACTORS, self.factors.T, strict=True))
+        return np.asarray(FACTORS.value(factor, known))
 
     def joined(self, more: Candidates) -> Candidates:
         """Return these candidates and then the others."""
@@ -90,21 +87,6 @@ class Candidates:
                 for name in ("latents", "parents", "states", "factors")
             ),
         )
-
-
-def axis_factor(factor: str, shortest: Any, intermediate: Any, longest: Any) -> Any:
-    """Return one of `AXIS_FACTORS`, elementwise.
-
-    Raises
-    ------
-    GenerationError
-        If the factor does not follow from the axis lengths.
-    """
-    if factor not in AXIS_FACTORS:
-        raise GenerationError(
-            f"'{factor}' does not follow from the axes: use one of {', '.join(AXIS_FACTORS)}."
-        )
-    return AXIS_FACTORS[factor](shortest, intermediate, longest)
 
 
 def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4 n"], int, np.ndarray]:
@@ -193,7 +175,7 @@ def examined(
             progress(done / len(control), f"{done} of {len(control)} candidates")
 
     WorkerPool(_Examinations(control), 0 if processes <= 1 else processes).map(blocks, keep)
-    powers = np.array([3, 2, 0, 0, 0, 1, 1, 0, 1, 1, 1])
+    powers = np.array([FACTORS[name].power for name in STAR_FACTORS])
     return Candidates(
         replace(
             shapes,

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from mbstudio.core.errors import GenerationError
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations.measuring import measure_population
 from mbstudio.core.populations.population import Population
 from mbstudio.core.vae.generate.candidates import (
-    QUICK_FACTORS,
     REASONS,
     REPAIRED,
     VALID,
@@ -119,7 +119,7 @@ class _Generating:
         self._learner, self._count, self._seed = learner, count, seed
         self._targets, self._processes, self._report = targets, processes, report
         # A factor that the quick way does not give is measured of every candidate.
-        self._detail = any(target.factor not in QUICK_FACTORS for target in targets)
+        self._detail = any(target.factor not in FACTORS.quick for target in targets)
         self._batches = self._choices = 0
         self._exact: dict[int, dict[str, float]] = {}
         self._unmeasurable: set[int] = set()
@@ -224,7 +224,7 @@ class _Generating:
 
     def _column(self, name: str) -> Float64[np.ndarray, " candidates"]:
         """Return a factor of all candidates: exact where known, else the quick one, brought to scale."""
-        if name in QUICK_FACTORS:
+        if name in FACTORS.quick:
             slope, start = self._lines.get(name, (1.0, 0.0))
             column = start + slope * self._pool.column(name)
         else:
@@ -343,7 +343,7 @@ class _Generating:
     def _calibrate(self) -> None:
         rows = sorted(self._exact)
         for name in {target.factor for target in self._targets} | set(BALANCED_FACTORS):
-            if name in QUICK_FACTORS:
+            if name in FACTORS.quick:
                 exact = np.array([self._exact[i][name] for i in rows])
                 self._lines[name] = (float(exact.mean() / self._pool.column(name)[rows].mean()), 0.0)
 

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Float64
 
 from mbstudio.core.errors import GenerationError, UnitError
 from mbstudio.core.goals import UNSIGNED, spell_measure, split_sentence
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, parse_unit
 
 MEAN_TOLERANCE = 0.005
@@ -254,8 +254,8 @@ def _parsed(text: str, unit: str) -> Target:
     name = spell_measure(name)
     if name == "sieve":
         return _curve(value, SIEVE_SIZE, "mass", unit, text)
-    if name not in FACTOR_NAMES:
-        known = ", ".join(FACTOR_NAMES)
+    if name not in FACTORS:
+        known = ", ".join(FACTORS)
         raise GenerationError(f"'{name}' in '{text}' is no factor: use D10 to D90, sieve, or one of {known}.")
     if ":" in value:
         return _curve(value, name, "number", unit, text)
@@ -315,7 +315,7 @@ def _quantity(value: str, name: str, unit: str, text: str, stated: str = "") -> 
     number, given = float(match[1]), match[2]
     if not given:
         return number
-    power = FACTOR_NAMES[name].power
+    power = FACTORS[name].power
     if not power:
         raise GenerationError(f"'{text}' cannot be read: {name} is a plain number without unit.")
     try:
@@ -325,13 +325,13 @@ def _quantity(value: str, name: str, unit: str, text: str, stated: str = "") -> 
         raise GenerationError(f"'{given}' in '{text}' is no length unit: use one of {known}.") from error
     if _POWERS[match[3]] != power:
         raise GenerationError(
-            f"'{text}' cannot be read: {name} is in {FACTOR_NAMES[name].unit(unit)}, not {given}{match[3]}."
+            f"'{text}' cannot be read: {name} is in {FACTORS[name].unit(unit)}, not {given}{match[3]}."
         )
     return number * factor**power
 
 
 def _unit_words(factor: str, unit: str) -> str:
-    words = FACTOR_NAMES[factor].unit(unit)
+    words = FACTORS[factor].unit(unit)
     return f" {words}" if words else ""
 
 

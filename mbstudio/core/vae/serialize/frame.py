@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.errors import MeasureError, MeshError, SerializationError, UnitError
+from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.mass import mass_properties
@@ -81,4 +82,4 @@ def principal_frame(body: Body, *, unit: str | None = None, name: str = "The bod
     except (MeasureError, MeshError, UnitError) as error:
         raise SerializationError(f"{name} has no principal frame: {error}") from error
     # Principal moments ascend, and the least belongs to the longest axis.
-    return PrincipalFrame(mass.com, mass.rotation, float(np.cbrt(6 * mass.volume / np.pi)), mass.unit)
+    return PrincipalFrame(mass.com, mass.rotation, float(nominal_diameters(mass.volume)), mass.unit)

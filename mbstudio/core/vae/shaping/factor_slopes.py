@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 from numba import njit
 
+from mbstudio.core import formulas
 from mbstudio.core.metrics.star_factors import star_directions
 from mbstudio.core.vae.models.radii import SMALLEST_RADIUS, directions, outermost_radii
 from mbstudio.core.vae.serialize.serialization import Serialization
@@ -70,10 +71,11 @@ def _of_star(
     changes = 0.5 * np.einsum("ik,vij,jk->kv", frame, dm, frame) / squares[:, None]  # of ln axis
     short, middle, long = np.sqrt(squares)
     volume, area = volume / full_volume, area / full_area
-    diameter = np.cbrt(6.0 * volume / np.pi)
+    diameter = formulas.nominal_diameters(volume)
     dv, da = dv / (full_volume * volume), da / (full_area * area)
-    elongation, csf = middle / long, short / np.sqrt(middle * long)
-    sphericity = np.pi * diameter**2 / area
+    elongation = formulas.elongation_ratio(middle, long)
+    csf = formulas.corey_shape_factor(short, middle, long)
+    sphericity = formulas.sphericity_of_diameter(diameter, area)
     return np.array([np.log(diameter), elongation, csf, sphericity]), np.stack([
         dv / 3.0,
         elongation * (changes[1] - changes[2]),

@@ -8,11 +8,13 @@ import numpy as np
 from jaxtyping import Float, Float64
 from numba import njit
 
+from mbstudio.core import formulas
+from mbstudio.core.metrics.factor_table import LATENT_MEANINGS
 from mbstudio.core.metrics.star_factors import star_directions
 from mbstudio.core.vae.models.radii import directions, log_radii, outermost_radii
 from mbstudio.core.vae.serialize.serialization import Serialization
 
-MEANINGS = ("size", "elongation", "csf", "sphericity", "roughness")
+MEANINGS = tuple(LATENT_MEANINGS)
 """ln D_n; intermediate over longest axis; Corey shape factor; sphericity; fine roughness."""
 COARSEST = 5
 """Degree of the coarsest spherical harmonics that count as roughness."""
@@ -38,14 +40,14 @@ def meaning_factors(avatars: Serialization) -> Float64[np.ndarray, "avatars 5"]:
     for i in range(len(avatars)):
         volume, area, moments = _integrals(along * radii[i][:, None], faces)
         volume, area = volume / full_volume, area / full_area
-        diameter = np.cbrt(6.0 * volume / np.pi)
+        diameter = formulas.nominal_diameters(volume)
         # Of a solid ellipsoid the second moment along an axis is V a**2 / 5.
         short, middle, long = np.sqrt(np.maximum(np.linalg.eigvalsh(moments), 1e-300))
         out[i, :4] = (
             np.log(diameter * avatars.diameters[i]),
-            middle / long,
-            short / np.sqrt(middle * long),
-            np.pi * diameter**2 / area,
+            formulas.elongation_ratio(middle, long),
+            formulas.corey_shape_factor(short, middle, long),
+            formulas.sphericity_of_diameter(diameter, area),
         )
     return out
 

@@ -6,41 +6,27 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
-from mbstudio.core.units import conversion_factor, unit_label
+from mbstudio.core.metrics.factor_table import FACTORS
+from mbstudio.core.units import conversion_factor
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.widgets.factor_words import factor_short, factor_tip
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
-# Attribute, sign, power of the unit, what it is.
-_ROWS = (
-    ("volume", "V", 3, mark("Volume")),
-    ("area", "A", 2, mark("Surface area")),
-    ("sphericity", mark("Sphericity"), 0, "π^(1/3) (6V)^(2/3) / A"),
-    (
-        "circularity",
-        mark("Circularity"),
-        0,
-        mark("π Dₛ / P_p, with P_p the perimeter of the maximum projection"),
-    ),
-    ("csf", "CSF", 0, mark("Corey shape factor L_s / √(L_i L_l)")),
-    ("dn", "Dₙ", 1, mark("Nominal diameter (6V/π)^(1/3)")),
-    ("ds", "Dₛ", 1, mark("Diameter of the circle with the maximum projected area A_p: √(4 A_p/π)")),
-    ("dns", "Dₙ/Dₛ", 0, mark("Nominal diameter over the diameter of the projected circle")),
-)
+_SHOWN = ("volume", "area", "sphericity", "circularity", "csf", "dn", "ds", "dns")
 _HEADS = (mark("Factor"), mark("Grain"), mark("Avatar"), mark("Error"))
 _INTERVAL_HEAD = mark("From–to")
 _HEIGHT, _DOUBLE_HEIGHT = 26, 42
-_POWERS = {1: "", 2: "²", 3: "³"}
 
 
 class FactorsTable(QTableWidget):
     """Eight factors: grain, avatar and the relative error of the avatar."""
 
     def __init__(self) -> None:
-        super().__init__(len(_ROWS), 4)
+        super().__init__(len(_SHOWN), 4)
         self._grain: ShapeFactors | None = None
         self._avatar: ShapeFactors | None = None
         self._intervals: FactorIntervals | None = None
-        self._cells = [[QTableWidgetItem() for _ in range(4)] for _ in _ROWS]
+        self._cells = [[QTableWidgetItem() for _ in range(4)] for _ in _SHOWN]
         self.setAccessibleName(tr("Shape factors of grain and avatar"))
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(_HEIGHT)
@@ -58,10 +44,10 @@ class FactorsTable(QTableWidget):
             header.setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
         for column in range(4):
             side = Qt.AlignmentFlag.AlignLeft if column == 0 else Qt.AlignmentFlag.AlignRight
-            for row in range(len(_ROWS)):
+            for row in range(len(_SHOWN)):
                 item = self._cells[row][column]
                 item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-                item.setToolTip(tr(_ROWS[row][3]))
+                item.setToolTip(factor_tip(_SHOWN[row]))
                 self.setItem(row, column, item)
             head = QTableWidgetItem(tr(_HEADS[column]))
             head.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
@@ -103,20 +89,20 @@ class FactorsTable(QTableWidget):
         self.horizontalHeader().setSectionResizeMode(
             1, mode.Stretch if self._intervals is None else mode.ResizeToContents
         )
-        for row, (name, sign, power, meaning) in enumerate(_ROWS):
+        for row, name in enumerate(_SHOWN):
+            power = FACTORS[name].power
             truth = getattr(grain, name) if grain is not None else None
             value = getattr(avatar, name) if avatar is not None else None
-            unit, factor = "", 1.0
+            shown, factor = None, 1.0
             if known is not None and power:
                 shown = readable_power_unit(getattr(known, name), known.unit, power)
-                unit = f" [{unit_label(shown)}{_POWERS[power]}]"
                 factor = conversion_factor(known.unit, shown) ** power
-            self._cells[row][0].setText(tr(sign) + unit)
+            self._cells[row][0].setText(factor_short(name, shown))
             self._cells[row][1].setText(self._grain_text(name, truth, factor))
             self._cells[row][2].setText("" if value is None else self._avatar_text(value * factor))
             error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
             self._cells[row][3].setText(error)
-            self._mark(row, name, value, meaning)
+            self._mark(row, name, value)
 
     def _grain_text(self, name: str, truth: float | None, factor: float) -> str:
         if truth is None:
@@ -131,11 +117,11 @@ class FactorsTable(QTableWidget):
         return f"{value:#.{4 if self._intervals is None else _digits_beside_intervals(value)}g}"
 
     def _set_row_height(self, height: int) -> None:
-        for row in range(len(_ROWS)):
+        for row in range(len(_SHOWN)):
             self.setRowHeight(row, height)
-        self.setFixedHeight(height * len(_ROWS) + 31)
+        self.setFixedHeight(height * len(_SHOWN) + 31)
 
-    def _mark(self, row: int, name: str, value: float | None, meaning: str) -> None:
+    def _mark(self, row: int, name: str, value: float | None) -> None:
         """Set the error in bold where the avatar lies outside the grain's interval."""
         outside = False
         if self._intervals is not None and value is not None:
@@ -145,7 +131,7 @@ class FactorsTable(QTableWidget):
         font = cell.font()
         font.setBold(outside)
         cell.setFont(font)
-        meaning = tr(meaning)
+        meaning = factor_tip(name)
         if outside:
             meaning = tr("{meaning}. The avatar lies outside the grain's interval.", meaning=meaning)
         cell.setToolTip(meaning)

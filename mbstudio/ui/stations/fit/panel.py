@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.imaging import FitResult, FitTarget
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import unit_label
@@ -240,7 +241,7 @@ class FitPanel(Panel):
         else:
             table = grains.table
             line = table.loc[table["label"] == label_].iloc[0]
-            diameter = (6 * float(line["volume"]) / 3.141592653589793) ** (1 / 3)
+            diameter = nominal_diameter(float(line["volume"]))
             self._name.setText(tr("Grain {label}", label=label_))
             facts = tr(
                 "Dₙ {diameter:.4g} {unit} · {voxels:,} voxels",

@@ -10,9 +10,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 
 from mbstudio.core.imaging.sweep import SweepRow, error_names, quantiles_of
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.factor_words import factor_label
 from mbstudio.ui.widgets.plots import Plot
 
 LEAST_PERCENT = 1e-3  # below it the errors are those of the measuring
@@ -23,8 +23,7 @@ def title_of(name: str) -> str:
     """Return what an error of a sweep is called."""
     if name in _TITLES:
         return tr(_TITLES[name])
-    known = FACTOR_NAMES[name]
-    return f"{known.title} {known.symbol}".strip()
+    return factor_label(name)
 
 
 def line_colours(theme: Theme) -> tuple[str, ...]:

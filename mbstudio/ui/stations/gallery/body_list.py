@@ -24,8 +24,9 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QListView
 
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.widgets.factor_words import factor_title
 
 SIDE = 72  # pixels of a picture
 CELL = QSize(110, 122)
@@ -65,7 +66,7 @@ class Bodies:
     def value(self, factor: str, row: int) -> str:
         """Return a factor of one body with its unit."""
         number = float(self.columns[factor][row])
-        unit = FACTOR_NAMES[factor].unit(self.unit) if factor in FACTOR_NAMES else ""
+        unit = FACTORS[factor].unit(self.unit) if factor in FACTORS else ""
         return "–" if not np.isfinite(number) else f"{number:.4g} {unit}".strip()
 
 
@@ -121,9 +122,9 @@ class _Model(QAbstractListModel):
             return f"{self.bodies.keys[row]}\n{self._told(row)}"
         if role == Qt.ItemDataRole.ToolTipRole:
             lines = [
-                f"{FACTOR_NAMES[name].title}: {self.bodies.value(name, row)}"
+                f"{factor_title(name)}: {self.bodies.value(name, row)}"
                 for name in self.bodies.columns
-                if name in FACTOR_NAMES
+                if name in FACTORS
             ]
             one = tr(_ONE[self.bodies.kind], number=self.bodies.keys[row])
             return "\n".join([one, *lines])
@@ -134,9 +135,7 @@ class _Model(QAbstractListModel):
         assert self.bodies is not None
         shown = [self.by] if self.by in self.bodies.columns else []
         shown += [name for name in _SHORT if name in self.bodies.columns and name not in shown]
-        parts = [
-            f"{FACTOR_NAMES[name].symbol or ''} {self.bodies.value(name, row)}".strip() for name in shown
-        ]
+        parts = [f"{FACTORS[name].symbol or ''} {self.bodies.value(name, row)}".strip() for name in shown]
         return "\n".join(parts[:2])
 
 

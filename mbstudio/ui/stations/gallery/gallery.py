@@ -17,10 +17,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.gallery.body_list import Bodies, BodyList, rows_in_order
+from mbstudio.ui.widgets.factor_words import factor_heading, factor_title
 from mbstudio.ui.widgets.forms import label, quiet_button
 
 KINDS = ("grains", "avatars", "clones")
@@ -48,11 +49,11 @@ class RangeRow(QWidget):
         self.factor = QComboBox()
         self.factor.setAccessibleName(tr("Factor of the range"))
         for name in bodies.columns:
-            known, unit = FACTOR_NAMES[name], FACTOR_NAMES[name].unit(bodies.unit)
-            words = known.symbol or known.title
+            unit = FACTORS[name].unit(bodies.unit)
+            words = FACTORS[name].symbol or factor_title(name)
             self.factor.addItem(f"{words} ({unit})" if unit else words, name)
             self.factor.setItemData(
-                self.factor.count() - 1, known.heading(bodies.unit), Qt.ItemDataRole.ToolTipRole
+                self.factor.count() - 1, factor_heading(name, bodies.unit), Qt.ItemDataRole.ToolTipRole
             )
         self.low, self.high = QDoubleSpinBox(), QDoubleSpinBox()
         for field, words in ((self.low, tr("Range from")), (self.high, tr("Range to"))):
@@ -209,7 +210,7 @@ class BodyGallery(QFrame):
         self.sort.clear()
         self.sort.addItem(tr("Number"), "")
         for name in () if bodies is None else bodies.columns:
-            self.sort.addItem(FACTOR_NAMES[name].heading(bodies.unit), name)  # type: ignore[union-attr]
+            self.sort.addItem(factor_heading(name, bodies.unit), name)  # type: ignore[union-attr]
         self.sort.setCurrentIndex(max(0, self.sort.findData(sort)))
         self.sort.blockSignals(False)
         for factor, low, high in before if same_kind else ():

@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QDockWidget
 
+from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.populations import Population
 from mbstudio.scene.pictures.grain_thumbnails import grain_thumbnail
 from mbstudio.scene.pictures.thumbnails import thumbnail
@@ -103,7 +104,7 @@ class GalleryLink(QObject):
         if grains is None:
             return None
         keys, volume = grains.table["label"].to_numpy(int), grains.table["volume"].to_numpy(float)
-        known = {"dn": np.cbrt(6 * volume / np.pi), "volume": volume}
+        known = {"dn": nominal_diameters(volume), "volume": volume}
         colour = self._window.theme.scene.grain
         return Bodies(
             "grains", keys, known | _columns(keys, measured, grains.unit), grains.unit,

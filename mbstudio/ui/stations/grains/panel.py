@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -14,11 +13,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.units import unit_label
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.factor_words import factor_label
 from mbstudio.ui.widgets.forms import NumberSlider, label, primary_button, quiet_button, row
 from mbstudio.ui.widgets.plots import Histogram
 from mbstudio.ui.workspace import Workspace
@@ -168,8 +169,8 @@ class GrainPanel(Panel):
         self._inside.setText(
             tr("{inside:,} inside the scan, {cut:,} cut by its edge", inside=inside, cut=len(grains) - inside)
         )
-        diameters = np.cbrt(6 * grains.table["volume"].to_numpy(float) / np.pi)
-        self._histogram_name.setText(tr("Nominal diameter Dₙ [{unit}]", unit=unit_label(grains.unit)))
+        diameters = nominal_diameters(grains.table["volume"].to_numpy(float))
+        self._histogram_name.setText(f"{factor_label('dn')} [{unit_label(grains.unit)}]")
         self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
         self.histogram.setVisible(len(grains) > 2)
 

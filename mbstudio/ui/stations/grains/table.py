@@ -19,10 +19,12 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
+from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.widgets.factor_words import factor_short, factor_tip
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 Index = QModelIndex | QPersistentModelIndex
@@ -35,7 +37,7 @@ COLUMNS = (
 _TIPS = (
     mark("Label of the grain in the label volume"),
     mark("Volume V, by counting voxels"),
-    mark("Nominal diameter Dₙ = (6V/π)^(1/3): that of the sphere of the same volume"),
+    "",  # of D_n: as everywhere
     mark("Whether the edge of the scan cuts the grain, so that its true shape is unknown"),
     mark("Number of control points of its avatar"),
     mark("Root mean square distance between the surfaces of grain and avatar"),
@@ -70,7 +72,7 @@ class GrainTableModel(QAbstractTableModel):
             self._labels = table["label"].to_numpy(int)
             self._columns = {
                 "volume": volume * conversion_factor(self._unit, self._volume_unit) ** 3,
-                "dn": np.cbrt(6 * volume / np.pi),
+                "dn": nominal_diameters(volume),
                 "border": table["touches_border"].to_numpy(bool),
             }
         self.endResetModel()
@@ -104,13 +106,13 @@ class GrainTableModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.DisplayRole:
             unit = unit_label(self._unit)
             heads = {
-                1: f"V [{unit_label(self._volume_unit)}³]",
-                2: f"Dₙ [{unit}]",
+                1: factor_short("volume", self._volume_unit),
+                2: factor_short("dn", self._unit),
                 5: tr("RMS [{unit}]", unit=unit),
             }
             return heads.get(section, tr(COLUMNS[section]))
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tr(_TIPS[section])
+            return tr(_TIPS[section]) if _TIPS[section] else factor_tip("dn")
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._alignment(section)
         return None

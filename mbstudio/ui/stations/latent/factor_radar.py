@@ -10,48 +10,20 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
+from mbstudio.core.metrics.factor_table import FACTORS, LATENT_MEANINGS
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.core.vae.shaping.live_grain import LiveGrain
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
-from mbstudio.ui.language import mark, tr
+from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.factor_words import factor_title
 from mbstudio.ui.widgets.forms import badge, label, set_badge
 from mbstudio.ui.widgets.numbers import readable_power_unit
-
-TITLES = {
-    "size": mark("Size Dₙ"),
-    "elongation": mark("Elongation I/L"),
-    "csf": mark("Corey factor CSF"),
-    "sphericity": mark("Sphericity ψ"),
-    "roughness": mark("Roughness"),
-}
-SHORT = {
-    "size": mark("Size"),
-    "elongation": "I/L",
-    "csf": "CSF",
-    "sphericity": "ψ",
-    "roughness": mark("Roughness"),
-}
-PLAIN = {
-    "size": mark("size"),
-    "elongation": mark("elongation"),
-    "csf": mark("corey"),
-    "sphericity": mark("sphericity"),
-    "roughness": mark("roughness"),
-}
-"""As they stand within a sentence. All three pass `tr` where they are shown."""
-_LESS = {
-    "size": (mark("smaller"), mark("larger")),
-    "elongation": (mark("longer"), mark("shorter")),
-    "csf": (mark("flatter"), mark("thicker")),
-    "sphericity": (mark("less spherical"), mark("rounder")),
-    "roughness": (mark("smoother"), mark("rougher")),
-}
 
 
 def standing(name: str, below: float) -> str:
     """Return where a factor stands among the parents, in words: flatter than 85 %."""
-    less, more = _LESS[name]
+    less, more = LATENT_MEANINGS[name].less, LATENT_MEANINGS[name].more
     share, word = (below, more) if below >= 0.5 else (1.0 - below, less)
     if share > 0.9999:
         return tr("{smaller} than all parents", smaller=tr(word))
@@ -104,7 +76,8 @@ class Radar(QWidget):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         middle = QPointF(self.width() / 2, self.height() / 2 + 6)
-        longest = max(painter.fontMetrics().horizontalAdvance(tr(name)) for name in SHORT.values())
+        corner_words = {name: tr(meaning.short) for name, meaning in LATENT_MEANINGS.items()}
+        longest = max(painter.fontMetrics().horizontalAdvance(words) for words in corner_words.values())
         radius = min(self.width() - 2 * longest - 36, self.height() - 56) / 2
         turns = [2 * math.pi * place / len(MEANINGS) - math.pi / 2 for place in range(len(MEANINGS))]
 
@@ -134,10 +107,10 @@ class Radar(QWidget):
         painter.setPen(QColor(tokens.muted))
         for name, turn in zip(MEANINGS, turns, strict=True):
             place = middle + QPointF(math.cos(turn) * (radius + 12), math.sin(turn) * (radius + 14))
-            wide = painter.fontMetrics().horizontalAdvance(tr(SHORT[name]))
+            wide = painter.fontMetrics().horizontalAdvance(corner_words[name])
             left = place.x() - wide * (0.5 - 0.5 * round(math.cos(turn), 3))
             left = min(max(left, 0.0), self.width() - wide)
-            painter.drawText(QPointF(left, place.y() + 5), tr(SHORT[name]))
+            painter.drawText(QPointF(left, place.y() + 5), corner_words[name])
         painter.end()
 
 
@@ -160,11 +133,13 @@ class FactorPage(QWidget):
         self._among = label(tr("Among the parents"), "hint")
         grid.addWidget(self._among, 0, 2)
         for line, (name, (value, words)) in enumerate(self._cells.items(), 1):
-            grid.addWidget(label(tr(TITLES[name]), "key"), line, 0)
+            heading = label(tr(LATENT_MEANINGS[name].title), "key")
+            heading.setToolTip(tr(LATENT_MEANINGS[name].meaning))
+            grid.addWidget(heading, line, 0)
             grid.addWidget(value, line, 1, Qt.AlignmentFlag.AlignRight)
             grid.addWidget(words, line, 2)
         for line, (title, value) in enumerate(
-            ((tr("Volume"), self._volume), (tr("Surface area"), self._area)), 6
+            ((factor_title("volume"), self._volume), (factor_title("area"), self._area)), 6
         ):
             grid.addWidget(label(title, "key"), line, 0)
             grid.addWidget(value, line, 1, 1, 2)
@@ -195,10 +170,11 @@ class FactorPage(QWidget):
             text, words = self._cells[name]
             text.setText(f"{value:.4g} {unit}" if name == "size" else f"{value:.3f}")
             words.setText(standing(name, float(share)))
-        for field, value, power in ((self._volume, grain.volume, 3), (self._area, grain.area, 2)):
-            told = readable_power_unit(value, grain.avatar.unit, power)
-            scaled = value * conversion_factor(grain.avatar.unit, told) ** power
-            field.setText(f"{scaled:.4g} {unit_label(told)}{'⁰¹²³'[power]}")
+        for field, value, name in ((self._volume, grain.volume, "volume"), (self._area, grain.area, "area")):
+            factor = FACTORS[name]
+            told = readable_power_unit(value, grain.avatar.unit, factor.power)
+            scaled = value * conversion_factor(grain.avatar.unit, told) ** factor.power
+            field.setText(f"{scaled:.4g} {factor.unit(told)}")
 
     def value(self, name: str) -> str:
         """Return what is written for a factor."""

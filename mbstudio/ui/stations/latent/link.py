@@ -13,6 +13,7 @@ from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.core.metrics.factor_table import LATENT_MEANINGS
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.style_learner import load_style_learner
 from mbstudio.core.vae.shaping.latent import aligned_to, interpolated
@@ -25,7 +26,6 @@ from mbstudio.scene.surfaces import Surface
 from mbstudio.ui.language import tr
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.stations.latent.blend_page import LETTERS, STRIP
-from mbstudio.ui.stations.latent.factor_radar import SHORT
 from mbstudio.ui.stations.latent.pictures import LatentPictures
 from mbstudio.ui.workers import Task
 
@@ -399,10 +399,11 @@ def _surface(grain: LiveGrain) -> Surface:
 def told_of(grain: KeptGrain) -> str:
     """Return name and factors of a kept grain, and how it was made."""
     unit = unit_label(grain.unit)
-    factors = ", ".join(
-        f"{tr(SHORT[name])} {value:.4g} {unit}" if name == "size" else f"{tr(SHORT[name])} {value:.3f}"
+    numbers = {
+        name: f"{value:.4g} {unit}" if name == "size" else f"{value:.3f}"
         for name, value in zip(MEANINGS, grain.factors, strict=True)
-    )
+    }
+    factors = ", ".join(f"{tr(LATENT_MEANINGS[name].short)} {words}" for name, words in numbers.items())
     return tr(
         "{grain}: {factors}\nMade by: {operations}",
         grain=grain.name,

@@ -16,13 +16,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from mbstudio.core.metrics.factor_table import LATENT_MEANINGS
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.shaping.latent_recipe import Operation
 from mbstudio.core.vae.shaping.meaning import HELD
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.stations.latent.factor_radar import PLAIN, TITLES, show_lights, standing
+from mbstudio.ui.stations.latent.factor_radar import show_lights, standing
 from mbstudio.ui.stations.latent.work import LatentWork
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.widgets.forms import badge, label, primary_button, quiet_button
@@ -101,8 +102,10 @@ class LatentPanel(Panel):
         self._inner.addWidget(self._learning)
         self.meanings: dict[str, ValueSlider] = {}
         for name in MEANINGS:
-            held = ", ".join(tr(PLAIN[other]) for other in HELD[name])
-            slider = ValueSlider(tr(TITLES[name]), self._icons, tr("Holds still: {factors}.", factors=held))
+            held = ", ".join(tr(LATENT_MEANINGS[other].plain) for other in HELD[name])
+            slider = ValueSlider(
+                tr(LATENT_MEANINGS[name].title), self._icons, tr("Holds still: {factors}.", factors=held)
+            )
             self.meanings[name] = slider
             self._inner.addWidget(slider)
         self.add(self._shaping)
@@ -383,7 +386,7 @@ def _reach(name: str, to: float) -> Operation:
     return Operation(
         "reach",
         {"meaning": name, "to": to},
-        tr("{factor} {deviations:+.2f} s.d.", factor=tr(TITLES[name]), deviations=to),
+        tr("{factor} {deviations:+.2f} s.d.", factor=tr(LATENT_MEANINGS[name].title), deviations=to),
     )
 
 

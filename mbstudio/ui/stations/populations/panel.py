@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
-from mbstudio.core.metrics.shape_factors import CORE_FACTORS
+from mbstudio.core.metrics.factor_table import AXES, FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.core.populations.sieving import SERIES_NAMES
-from mbstudio.ui.language import mark, tr
+from mbstudio.ui.language import tr
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.stations.populations.plots import Shown
 from mbstudio.ui.stations.populations.work import PopulationWork
@@ -23,15 +22,11 @@ from mbstudio.ui.widgets.comparison_table import (
     fill_factor,
     fill_sizes,
 )
+from mbstudio.ui.widgets.factor_words import factor_label, factor_tip
 from mbstudio.ui.widgets.forms import label, primary_button, row
 from mbstudio.ui.workspace import Workspace
 
 _WIDE = 200  # pixels: names of factors are long
-_AXES = (
-    (mark("Oriented box"), "obb", mark("Edges of the oriented bounding box of least volume")),
-    (mark("Feret"), "feret", mark("Caliper (Feret) diameters")),
-    (mark("Inertia"), "inertia", mark("Axes of the homogeneous ellipsoid with the same inertia")),
-)
 
 
 class PopulationPanel(Panel):
@@ -59,9 +54,9 @@ class PopulationPanel(Panel):
         )
         self.scope.addItem(tr("With an avatar"), "fitted")
         self.scope.addItem(tr("All inside"), "inside")
-        for title, name, tip in _AXES:
-            self.axes.addItem(tr(title), name)
-            self.axes.setItemData(self.axes.count() - 1, tr(tip), 3)
+        for name, convention in AXES.items():
+            self.axes.addItem(tr(convention.title), name)
+            self.axes.setItemData(self.axes.count() - 1, tr(convention.meaning), 3)
         self.detail.setToolTip(
             tr(
                 "Also convexity, inscribed and enclosing sphere, Feret diameters, roundness, roughness and "
@@ -74,7 +69,7 @@ class PopulationPanel(Panel):
         self.sieves.addItem(tr("Every body's size"), None)
         for name, title in SERIES_NAMES.items():
             self.sieves.addItem(title, name)
-        self._offer(CORE_FACTORS)
+        self._offer(FACTORS.core)
         self.add(
             row(
                 tr("Grains"), self.scope, tr("Grains that have an avatar, or all that the edge does not cut")
@@ -182,8 +177,8 @@ class PopulationPanel(Panel):
             with QSignalBlocker(field):
                 field.clear()
                 for name in names:
-                    known = FACTOR_NAMES[name]
-                    field.addItem(f"{known.title} {known.symbol}".strip(), name)
+                    field.addItem(factor_label(name), name)
+                    field.setItemData(field.count() - 1, factor_tip(name), Qt.ItemDataRole.ToolTipRole)
                 field.setCurrentIndex(max(0, field.findData(chosen)))
                 field.view().setMinimumWidth(230)
 

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import (
     Population,
     cumulative,
@@ -34,6 +34,7 @@ from mbstudio.ui.language import tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.brush_plot import SYMBOLS, BrushPlot, Mode, Points
 from mbstudio.ui.widgets.comparison_table import name_of
+from mbstudio.ui.widgets.factor_words import factor_heading, factor_label
 from mbstudio.ui.widgets.forms import label
 
 STYLES = (Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine, Qt.PenStyle.DotLine)
@@ -173,9 +174,9 @@ class DistributionPlot(PopulationPlot):
     def _draw(self) -> str:
         name, by = self._shown.factor, self._shown.by
         scale, unit = readable_scale(self._populations, name)
-        heading = FACTOR_NAMES[name].heading(unit)
+        heading = factor_heading(name, unit)
         self.cdf.set_names("", tr("Share by number") if by == "number" else tr("Share by mass"))
-        per = FACTOR_NAMES[name].unit(unit)
+        per = FACTORS[name].unit(unit)
         self.pdf.set_names(heading, tr("Density (1/{unit})", unit=per) if per else tr("Density"))
         rises, ticks = [], []
         edges = shared_edges(self._populations, name, by, scale)
@@ -227,7 +228,7 @@ class PairPlot(PopulationPlot):
         names = self._shown.factor, self._shown.second
         scales = [readable_scale(self._populations, name) for name in names]
         self.plot.set_names(
-            *(FACTOR_NAMES[name].heading(unit) for name, (_, unit) in zip(names, scales, strict=True))
+            *(factor_heading(name, unit) for name, (_, unit) in zip(names, scales, strict=True))
         )
         groups, told = [], []
         for place, population in enumerate(self._populations):
@@ -281,7 +282,7 @@ class FormPlot(PopulationPlot):
         return "\n".join(told)
 
     def _draw_zingg(self) -> None:
-        self.plot.set_names(tr("c/b (flatness ratio)"), tr("b/a (elongation ratio)"))
+        self.plot.set_names(factor_label("flatness"), factor_label("elongation"))
         grey = pg.mkPen(self._theme.tokens.faint, style=Qt.PenStyle.DashLine)
         self._line(self.plot, [0, 1], [ZINGG_LIMIT] * 2, grey)
         self._line(self.plot, [ZINGG_LIMIT] * 2, [0, 1], grey)
@@ -338,12 +339,12 @@ class SizePlot(PopulationPlot):
         curves = [(p, size_distribution(p, sieves)) for p in self._populations]
         unit = readable_scale(self._populations, "intermediate")[1]
         words = (
-            tr("Intermediate axis b")
+            factor_label("intermediate")
             if sieves is None
             else tr("Sieve opening, {series}", series=SERIES_NAMES[sieves])
         )
-        heading = FACTOR_NAMES["intermediate"].heading(unit).rpartition("(")[2]
-        self.plot.set_names(f"{words} ({heading}", tr("Finer by mass (%)"))
+        length = FACTORS["intermediate"].unit(unit)
+        self.plot.set_names(f"{words} ({length})" if length else words, tr("Finer by mass (%)"))
         groups = []
         for place, (population, curve) in enumerate(curves):
             factor = conversion_factor(curve.unit, unit) if unit != curve.unit else 1.0

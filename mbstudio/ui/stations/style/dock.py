@@ -15,15 +15,15 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
 from mbstudio.core.populations import Population
 from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.style.quality_table import QualityTable
 from mbstudio.ui.stations.style.training_plots import TrainingPlots
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.factor_words import factor_short, factor_title
 
-FACTORS = ("dn", "volume", "area", "sphericity", "circularity", "dns", "csf")
+SHOWN = ("dn", "volume", "area", "sphericity", "circularity", "dns", "csf")
 
 
 class CloneTable(QTableWidget):
@@ -38,7 +38,7 @@ class CloneTable(QTableWidget):
     chosen = Signal(object)
 
     def __init__(self) -> None:
-        super().__init__(0, 1 + len(FACTORS))
+        super().__init__(0, 1 + len(SHOWN))
         self.setAccessibleName(tr("Clones"))
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
@@ -61,11 +61,9 @@ class CloneTable(QTableWidget):
         self.setSortingEnabled(False)
         self.setRowCount(0 if clones is None else len(clones))
         heads = [tr("Clone")]
-        for place, factor in enumerate(FACTORS, 1):
+        for place, factor in enumerate(SHOWN, 1):
             scale, unit = (1.0, "um") if clones is None else readable_scale([clones], factor)
-            name = FACTOR_NAMES[factor]
-            words = name.symbol if name.power or factor in ("csf", "dns") else name.title
-            heads.append(f"{words} [{name.unit(unit)}]" if clones is not None and name.unit(unit) else words)
+            heads.append(factor_short(factor, None if clones is None else unit))
             for row, value in enumerate([] if clones is None else clones.column(factor)):
                 self.setItem(row, place, _number(scale * float(value)))
         for row in range(self.rowCount()):
@@ -76,7 +74,7 @@ class CloneTable(QTableWidget):
         for place, head in enumerate(heads):
             item = QTableWidgetItem(head)
             item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-            item.setToolTip("" if not place else FACTOR_NAMES[FACTORS[place - 1]].title)
+            item.setToolTip("" if not place else factor_title(SHOWN[place - 1]))
             self.setHorizontalHeaderItem(place, item)
         self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
         self.setSortingEnabled(True)

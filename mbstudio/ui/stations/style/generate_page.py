@@ -7,20 +7,20 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QPlainTextEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
 
 from mbstudio.core.errors import GenerationError
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import tr
 from mbstudio.ui.shell.task_strip import readable_time
 from mbstudio.ui.stations.style.clone_work import CloneWork
-from mbstudio.ui.stations.style.dock import FACTORS
+from mbstudio.ui.stations.style.dock import SHOWN
 from mbstudio.ui.widgets.comparison_table import ComparisonTable
 from mbstudio.ui.widgets.forms import label, primary_button, row
 from mbstudio.ui.workspace import Workspace
 
 _ROWS = tuple(
-    (name.symbol if name.power else name.title, name.title)
-    for name in (FACTOR_NAMES[factor] for factor in FACTORS)
+    (factor.symbol if factor.power else factor.title, factor.title)
+    for factor in (FACTORS[name] for name in SHOWN)
 )
 
 
@@ -195,13 +195,13 @@ class GeneratePage(QWidget):
         assessed = self._work.assessed
         shown = [factors] if assessed is None else [factors, assessed.parents]
         ours, theirs, units = [], [], []
-        for name in FACTORS:
+        for name in SHOWN:
             scale, unit = readable_scale([factors], name)
             column = factors.column(name)
             value = np.nanmean(column) if chosen is None else column[chosen - 1]
             ours.append(_text(scale * float(value)))
             theirs.append("" if assessed is None else _text(scale * float(np.nanmean(shown[1].column(name)))))
-            units.append(FACTOR_NAMES[name].unit(unit))
+            units.append(FACTORS[name].unit(unit))
         heads = [tr("Mean") if chosen is None else tr("Clone {number}", number=chosen), tr("Parents")]
         columns = [ours, theirs]
         some = 2 if assessed is not None else 1

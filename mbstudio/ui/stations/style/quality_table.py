@@ -17,11 +17,12 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from mbstudio.core.metrics.factor_names import FACTOR_NAMES
+from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.factor_words import factor_title
 from mbstudio.ui.widgets.forms import label
 
 if TYPE_CHECKING:
@@ -165,8 +166,9 @@ class QualityTable(QFrame):
 
     def _fill_row(self, row: int, factor: FactorQuality, shown: Sequence[Population]) -> None:
         scale, unit = readable_scale(shown, factor.factor)
-        name, floor = FACTOR_NAMES[factor.factor], factor.floor
-        words = f"{name.title} [{name.unit(unit)}]" if name.unit(unit) else name.title
+        floor, title = factor.floor, factor_title(factor.factor)
+        shown_unit = FACTORS[factor.factor].unit(unit)
+        words = f"{title} [{shown_unit}]" if shown_unit else title
         pairs = [[f"{scale * value:#.4g}" for value in pair] for pair in (factor.means, factor.deviations)]
         marks = {
             2: factor.mean_error <= floor.mean_error[1],

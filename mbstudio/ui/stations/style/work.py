@@ -13,6 +13,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.processes import usable_cores
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.project import ProjectState
 from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.presets import PRESETS, find_preset
@@ -196,7 +197,7 @@ class StyleWork(Work):
         known = dict(zip(learner.parents.names, learner.parents.diameters, strict=True))
 
         def is_new(label: int) -> bool:
-            size = factor * float(np.cbrt(6 * volumes[label] / np.pi))
+            size = factor * nominal_diameter(volumes[label])
             return not abs(known.get(_name(label), 0.0) / size - 1) < _SAME_SIZE
 
         return tuple(label for label in self.labels(source) if is_new(label))

@@ -13,6 +13,7 @@ from PySide6.QtTest import QTest
 
 from mbstudio.core.grains import load_labels
 from mbstudio.core.imaging import fit
+from mbstudio.core.metrics import FACTORS, Factor
 from mbstudio.core.populations import Population
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.project.measuring import measure_project
@@ -322,3 +323,27 @@ def test_points_inside_a_dented_outline():
     corners = np.array([(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)], dtype=float)  # an M upside down
     points = np.array([(2, 0.5), (2, 3), (0.5, 2), (3.5, 2), (5, 2), (-1, 0)], dtype=float)
     assert points_inside(points, corners).tolist() == [True, False, True, True, False, False]
+
+
+def test_a_factor_that_is_added_to_the_table_can_be_chosen_and_drawn(opened, idle, sand):
+    added = Factor(
+        name="specific_surface", title="Specific surface", symbol="S_V", formula="A / V", power=-1,
+        meaning="Surface area over volume", derive=lambda area, volume: area / volume,
+    )  # fmt: skip
+    with FACTORS.extended(added):
+        state, _ = sand
+        found = measure_project(Project(state), [1, 2, 3])
+        opened.populations._take(Measured(opened.populations.asked, state, found))
+        opened.populations.changed.emit()
+        opened.enter("populations")
+        idle()
+        factor = opened.panels_populations.factor
+        place = factor.findData("specific_surface")
+        assert factor.itemText(place) == "Specific surface S_V"
+        assert factor.itemData(place, Qt.ItemDataRole.ToolTipRole) == "Surface area over volume: A / V"
+        opened.panels_populations.look_at("specific_surface")
+        pdf = opened.plots.page.pdf
+        assert pdf.getAxis("bottom").labelText.startswith("Specific surface S_V (")
+        assert pdf.getAxis("bottom").labelText.endswith("⁻¹)")
+        mean = opened.panels_populations.statistics.text("Mean", 1)
+        assert float(mean) > 0
