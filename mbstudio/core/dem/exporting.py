@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.body import choose_names, prepare_bodies
+from mbstudio.core.dem.body import DemBody, choose_names, prepare_bodies
 from mbstudio.core.dem.folder import check_replaceable, replaced_folder
 from mbstudio.core.dem.manifest import (
     FILE_NAME,
@@ -23,7 +23,7 @@ from mbstudio.core.dem.manifest import (
 from mbstudio.core.dem.specimen.specimen import SpecimenPlan, make_specimen
 from mbstudio.core.dem.specimen.specimen_files import FILE_NAME as SPECIMEN_NAME
 from mbstudio.core.dem.specimen.specimen_files import check_specimen, describe_specimen, write_specimen
-from mbstudio.core.dem.target import Job, Progress, complete_options, find_target
+from mbstudio.core.dem.target import Job, Progress, Target, complete_options, find_target
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import parse_unit
@@ -111,9 +111,7 @@ def export(
     if not avatars:
         raise ExportError("There is no avatar to export: fit a grain first.")
     chosen = find_target(target)
-    unit = parse_unit(unit or chosen.default_unit or avatars[0].unit)
-    if chosen.units and unit not in chosen.units:
-        raise ExportError(f"{chosen.title} are always in {' or '.join(chosen.units)}: leave the unit out.")
+    unit = _choose_unit(chosen, unit, avatars[0].unit)
     density = _checked_density(chosen.title, chosen.needs_density, density)
     settings = complete_options(chosen, options)
     names = choose_names(avatars, names)
@@ -122,45 +120,73 @@ def export(
     replaced = check_replaceable(folder, files_of_earlier_export, overwrite)
 
     with replaced_folder(folder, replaced, overwrite) as temporary:
-        bodies = []
-        for index, (avatar, name) in enumerate(zip(avatars, names, strict=True)):
-            report_progress(0.4 * index / len(avatars), f"Mass properties of {name}")
-            bodies.extend(prepare_bodies([avatar], [name], unit, density))
+        bodies = _prepare_with(report_progress, avatars, names, unit, density)
         particles = None if specimen is None else make_specimen(bodies, specimen, unit)
         job = Job(
-            bodies,
-            temporary,
-            unit,
-            density,
-            settings,
-            lambda f, m: report_progress(0.4 + 0.5 * f, m),
+            bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m),
             particles,
-        )
-        written = chosen.write(job)
-        attached = dict(attachments or {})
-        for name, text in attached.items():
-            (temporary / name).write_text(text, encoding="utf-8", newline="")
-        shared = (*written.shared_files, *attached)
-        if particles is not None:
-            write_specimen(temporary, particles)
-            shared = (*shared, SPECIMEN_NAME)
-        items = [
-            describe_body(body, density, files, {**details, **job.remarks.get(body.name, {})})
-            for body, files, details in zip(bodies, written.item_files, written.item_details, strict=True)
-        ]
-        manifest = make_manifest(target, unit, density, settings, items, shared, temporary)
-        if particles is not None and specimen is not None:
-            manifest["specimen"] = describe_specimen(particles, specimen)
-        write_manifest(temporary, manifest)
+        )  # fmt: skip
+        manifest = _write_files(job, chosen, attachments or {}, specimen)
         report_progress(0.9, "Reading back")
         try:
             validate(temporary)
         except ExportError as error:
             raise ExportError(str(error).replace(str(temporary), str(folder))) from error
     report_progress(1.0, "Exported")
+    return _report_on(folder, manifest)
+
+
+def _report_on(folder: Path, manifest: Mapping[str, Any]) -> ExportReport:
+    """Return the report of an export that lies in its folder."""
     files = tuple(folder / name for name in [*manifest["files"], FILE_NAME])
-    warnings = [warning for item in items for warning in item["details"].get("warnings", ())]
-    return ExportReport(folder, target, files, manifest, tuple(manifest["items"]), tuple(warnings))
+    items = tuple(manifest["items"])
+    warnings = tuple(warning for item in items for warning in item["details"].get("warnings", ()))
+    return ExportReport(folder, manifest["target"], files, manifest, items, warnings)
+
+
+def _choose_unit(target: Target, asked: str | None, own: str) -> str:
+    """Return the unit of the files: that asked for, the target's or the avatars' own."""
+    unit = parse_unit(asked or target.default_unit or own)
+    if target.units and unit not in target.units:
+        raise ExportError(f"{target.title} are always in {' or '.join(target.units)}: leave the unit out.")
+    return unit
+
+
+def _prepare_with(
+    report_progress: Progress,
+    avatars: Sequence[Avatar],
+    names: Sequence[str],
+    unit: str,
+    density: float | None,
+) -> list[DemBody]:
+    """Return the bodies of avatars, telling of each."""
+    bodies: list[DemBody] = []
+    for name, avatar in zip(names, avatars, strict=True):
+        report_progress(0.4 * len(bodies) / len(avatars), f"Mass properties of {name}")
+        bodies += prepare_bodies([avatar], [name], unit, density)
+    return bodies
+
+
+def _write_files(
+    job: Job, target: Target, attachments: Mapping[str, str], plan: SpecimenPlan | None
+) -> dict[str, Any]:
+    """Write all files of an export into the job's folder, the manifest last; return what that says."""
+    written = target.write(job)
+    for name, text in attachments.items():
+        (job.folder / name).write_text(text, encoding="utf-8", newline="")
+    shared = (*written.shared_files, *attachments)
+    if job.specimen is not None:
+        write_specimen(job.folder, job.specimen)
+        shared = (*shared, SPECIMEN_NAME)
+    items = [
+        describe_body(body, job.density, files, {**details, **job.remarks.get(body.name, {})})
+        for body, files, details in zip(job.bodies, written.item_files, written.item_details, strict=True)
+    ]
+    manifest = make_manifest(target.name, job.unit, job.density, job.options, items, shared, job.folder)
+    if job.specimen is not None and plan is not None:
+        manifest["specimen"] = describe_specimen(job.specimen, plan)
+    write_manifest(job.folder, manifest)
+    return manifest
 
 
 def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:

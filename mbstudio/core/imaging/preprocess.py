@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64
+from jaxtyping import Bool, Float32, Float64, Int64
 from numba import njit
 
 from mbstudio.core.errors import FitError
@@ -34,6 +34,7 @@ CAVITIES = Option(
 """What both methods can do about cavities."""
 
 PAD = 6
+_MOST_INTERIOR = 800
 _SMALL_DIAMETER = 40.0  # voxels; below it the hull is smoothed less
 _SMOOTHING_OF_FEW = 0.6  # of a grain below it
 _LONG_VOXELS = 1.5  # longest edge over shortest
@@ -184,6 +185,91 @@ def _coarsen(grain: Grain, working_side: int) -> tuple[np.ndarray, tuple[int, in
     return share, (blocks[0], blocks[1], blocks[2])
 
 
+def _fill_cavities(
+    grain: Grain, share: Float32[np.ndarray, "nz ny nx"], cavities: Cavities
+) -> tuple[Bool[np.ndarray, "nz ny nx"], int, int]:
+    """Return the solid of a grain's shares, voxels of cavities filled, and cavities kept; `share` follows."""
+    import cc3d
+    import fill_voids
+
+    pieces = int(cc3d.connected_components(share > 0, connectivity=26).max())
+    if pieces > 1:
+        raise FitError(
+            f"Grain '{grain.name}' falls into {pieces} separate pieces: fit each by itself, or make the "
+            "grain with Grain.from_mask(..., keep='largest')."
+        )
+    mask = share >= 0.5
+    if not mask.any():
+        # A plate thinner than half a block: all that it touches, or there would be no surface.
+        mask = share > 0
+        share[mask] = 1.0
+    solid, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
+    if cavities == "keep":
+        return mask, 0, int(cc3d.connected_components(solid & ~mask, connectivity=6).max())
+    if filled:
+        share[solid & (share < 0.5)] = 1.0
+    return solid, int(filled), 0
+
+
+def _signed_distance(
+    mask: Bool[np.ndarray, "nz ny nx"], spacing: Float64[np.ndarray, "3"], voxel: float
+) -> Float32[np.ndarray, "nz ny nx"]:
+    """Return the distance to the surface, positive inside; `spacing` is (x, y, z)."""
+    import edt
+
+    # Inside and outside as two labels: one transform gives the distance to the other side for both.
+    distance = edt.edt(mask.view(np.uint8) + np.uint8(1), anisotropy=tuple(spacing[::-1]), parallel=1)
+    distance -= np.float32(0.5 * voxel)
+    np.negative(distance, out=distance, where=~mask)
+    return np.asarray(distance)
+
+
+class _Hull(NamedTuple):
+    """Points on the surface, its tips with their shares, and its area; NaN where voxels are few or long."""
+
+    points: Float64[np.ndarray, "m 3"]
+    tips: Float64[np.ndarray, "t 3"]
+    tip_shares: Float64[np.ndarray, "t"]
+    area: float
+    sharpened: bool
+
+
+def _find_hull(
+    mask: Bool[np.ndarray, "nz ny nx"],
+    share: Float32[np.ndarray, "nz ny nx"],
+    spacing: Float64[np.ndarray, "3"],
+    averaged: bool,
+    hull: Literal["surface", "voxels"],
+    most: int,
+    rng: np.random.Generator,
+) -> _Hull:
+    """Return the hull of a solid; `averaged` tells whether its voxels are means of blocks."""
+    if averaged:
+        smoothing = _SMOOTHING_OF_BLOCKS
+    else:
+        count = int(np.count_nonzero(mask))
+        smoothing = 1.0 if nominal_diameters(count) >= _SMALL_DIAMETER else _SMOOTHING_OF_FEW
+    # Few or long voxels have steps that a sharper surface would follow.
+    sharpened = bool(smoothing != _SMOOTHING_OF_FEW and spacing.max() < _LONG_VOXELS * spacing.min())
+    if hull == "voxels":
+        points = outermost_voxels(mask, spacing, most, rng)
+        return _Hull(points, points[:0], np.empty(0), float("nan"), sharpened)
+    points, corners, area = points_on_surface(share, spacing, smoothing, sharpened, most, rng)
+    tips, tip_shares = tips_of(corners) if sharpened else (points[:0], np.empty(0))
+    return _Hull(points, tips, tip_shares, area, sharpened)
+
+
+def _choose_interior(
+    distance: Float32[np.ndarray, "nz ny nx"], voxel: float, rng: np.random.Generator
+) -> Int64[np.ndarray, " q"]:
+    """Return flat indices of voxels well inside, as many as the search watches."""
+    depth = max(2 * voxel, 0.06 * float(distance.max()))
+    deep = np.flatnonzero(distance.ravel() > depth)
+    if len(deep) > _MOST_INTERIOR:
+        deep = rng.choice(deep, _MOST_INTERIOR, replace=False, shuffle=False)
+    return deep
+
+
 def prepare(
     grain: Grain,
     seed: int = 0,
@@ -215,62 +301,19 @@ def prepare(
     FitError
         If the grain has no voxels or several pieces, or its mask is not 3-D or not of whole numbers.
     """
-    import cc3d
-    import edt
-    import fill_voids
-
     rng = np.random.default_rng([seed, 0])
     share, blocks = _coarsen(grain, working_side)
-    pieces = int(cc3d.connected_components(share > 0, connectivity=26).max())
-    if pieces > 1:
-        raise FitError(
-            f"Grain '{grain.name}' falls into {pieces} separate pieces: fit each by itself, or make the "
-            "grain with Grain.from_mask(..., keep='largest')."
-        )
-    spacing_zyx = np.array(grain.voxel_size.zyx) * blocks
-    spacing = spacing_zyx[::-1].copy()
-    mask = share >= 0.5
-    if not mask.any():
-        # A plate thinner than half a block: all that it touches, or there would be no surface.
-        mask = share > 0
-        share[mask] = 1.0
-    solid, filled = fill_voids.fill(mask, in_place=False, return_fill_count=True)
-    kept = 0
-    if cavities == "keep":
-        kept, filled = int(cc3d.connected_components(solid & ~mask, connectivity=6).max()), 0
-    else:
-        mask = solid
-    if filled:
-        share[mask & (share < 0.5)] = 1.0
+    spacing = (np.array(grain.voxel_size.zyx) * blocks)[::-1].copy()
+    mask, filled, kept = _fill_cavities(grain, share, cavities)
     voxel = float(np.cbrt(spacing.prod()))
-    # Inside and outside as two labels: one transform gives the distance to the other side for both.
-    distance = edt.edt(mask.view(np.uint8) + np.uint8(1), anisotropy=tuple(spacing_zyx), parallel=1)
-    distance -= np.float32(0.5 * voxel)
-    np.negative(distance, out=distance, where=~mask)
+    distance = _signed_distance(mask, spacing, voxel)
+    found = _find_hull(mask, share, spacing, max(blocks) > 1, hull, hull_points, rng)
+    deep = _choose_interior(distance, voxel, rng)
 
-    count = int(np.count_nonzero(mask))
-    if max(blocks) > 1:
-        smoothing = _SMOOTHING_OF_BLOCKS
-    else:
-        smoothing = 1.0 if nominal_diameters(count) >= _SMALL_DIAMETER else _SMOOTHING_OF_FEW
-    # Few or long voxels have steps that a sharper surface would follow.
-    sharpened = smoothing != _SMOOTHING_OF_FEW and spacing.max() < _LONG_VOXELS * spacing.min()
-    if hull == "voxels":
-        points, area = outermost_voxels(mask, spacing, hull_points, rng), float("nan")
-    else:
-        points, corners, area = points_on_surface(share, spacing, smoothing, sharpened, hull_points, rng)
-    tips, tip_shares = points[:0], np.empty(0)
-    if hull == "surface" and sharpened:
-        tips, tip_shares = tips_of(corners)
-    middle = points.mean(axis=0)
-    scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
+    middle = found.points.mean(axis=0)
+    scale = float(np.sqrt(((found.points - middle) ** 2).sum(axis=1).mean()))
     if scale <= 0:  # a single voxel is its own hull
         scale = 0.5 * voxel
-
-    depth = max(2 * voxel, 0.06 * float(distance.max()))
-    deep = np.flatnonzero(distance.ravel() > depth)
-    if len(deep) > 800:
-        deep = rng.choice(deep, 800, replace=False, shuffle=False)
     where = np.stack(np.unravel_index(deep, mask.shape), axis=1)[:, ::-1] * spacing
     first = np.asarray(grain.origin) + (np.array(blocks[::-1]) - 1) / 2 * grain.voxel_size.xyz - PAD * spacing
     volume = (grain.voxel_count + filled * int(np.prod(blocks))) * grain.voxel_size.volume
@@ -278,10 +321,10 @@ def prepare(
         grain=grain, mask=mask, distance=distance / np.float32(scale), origin=-middle / scale,
         spacing=spacing / scale, voxel=voxel / scale,
         fineness=voxel * max(0.5, float(np.cbrt(1 / np.prod(blocks)))) / scale,
-        hull=(points - middle) / scale, tips=(tips - middle) / scale, tip_shares=tip_shares,
-        interior=(where - middle) / scale,
+        hull=(found.points - middle) / scale, tips=(found.tips - middle) / scale,
+        tip_shares=found.tip_shares, interior=(where - middle) / scale,
         interior_depth=distance.ravel()[deep].astype(np.float64) / scale,
-        volume=volume / scale**3, area=area / scale**2 if sharpened else float("nan"),
-        thickness=2 * volume / area / scale, center=first + middle, scale=scale, filled=int(filled),
+        volume=volume / scale**3, area=found.area / scale**2 if found.sharpened else float("nan"),
+        thickness=2 * volume / found.area / scale, center=first + middle, scale=scale, filled=filled,
         cavities=kept,
     )  # fmt: skip

@@ -24,7 +24,7 @@ from mbstudio.core.metaball.topology import Topology
 from mbstudio.core.metaball.validity import Verdict, check
 
 
-def clustered(prepared: PreparedGrain, n: int) -> list[Sphere]:
+def cluster_spheres(prepared: PreparedGrain, n: int) -> list[Sphere]:
     """Return up to `n` spheres: as many as do not overlap, then overlapping ones."""
     transform = prepared.distance + np.float32(0.5 * prepared.voxel)
     found = list(cluster_incrementally(transform, prepared.spacing, n, prepared.voxel))
@@ -35,10 +35,10 @@ def clustered(prepared: PreparedGrain, n: int) -> list[Sphere]:
 
 def greatest_number(grain: Grain) -> int:
     """Return how many control points sphere clustering can place in a grain."""
-    return len(clustered(prepare(grain), grain.voxel_count))
+    return len(cluster_spheres(prepare(grain), grain.voxel_count))
 
 
-def checked_number(n: int, grain: Grain) -> int:
+def require_number(n: int, grain: Grain) -> int:
     """Return n as an int; FitError unless the grain may hold that many control points."""
     whole = isinstance(n, numbers.Real) and not isinstance(n, bool) and math.isfinite(n) and int(n) == n
     if not whole or n < 1:
@@ -103,11 +103,11 @@ class StepRun(ABC):
 
     def __init__(self, grain: Grain, n: int, seed: int, options: Any) -> None:
         self.grain = grain
-        self.n = checked_number(n, grain)
+        self.n = require_number(n, grain)
         self.seed = int(seed)
         self.options: _Options = options
-        self.prepared: PreparedGrain | None = None
-        self.control: Float64[np.ndarray, "4 n"] | None = None
+        self._prepared: PreparedGrain | None = None
+        self._control: Float64[np.ndarray, "4 n"] | None = None
         self.generation = -1
         self._spheres_found: list[Sphere] = []
         self._losses: list[float] = []
@@ -115,6 +115,33 @@ class StepRun(ABC):
         self._verdict: Verdict | None = None
         self._note = ""
         self._steps: Iterator[SearchStep] = self._all_steps()
+
+    @property
+    def prepared(self) -> PreparedGrain:
+        """The grain as the search works on it, prepared when it is first needed."""
+        if self._prepared is None:
+            self._prepared = self._prepare()
+        return self._prepared
+
+    def share_preparation(self, other: StepRun) -> None:
+        """Take over what another run of the same grain and options has prepared, if it has."""
+        self._prepared = self._prepared or other._prepared
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the search has begun, so that there are control points."""
+        return self._control is not None
+
+    @property
+    def control(self) -> Float64[np.ndarray, "4 n"]:
+        """Control points as rows x, y, z, k in the working frame; FitError before the search has begun."""
+        if self._control is None:
+            raise FitError(f"The search for grain '{self.grain.name}' has not begun: there is no avatar yet.")
+        return self._control
+
+    @control.setter
+    def control(self, control: Float64[np.ndarray, "4 n"]) -> None:
+        self._control = control
 
     def __iter__(self) -> Iterator[SearchStep]:
         return self
@@ -133,14 +160,14 @@ class StepRun(ABC):
         FitError
             If the grain cannot hold n control points; the run then stays as it was.
         """
-        n = checked_number(n, self.grain)
+        n = require_number(n, self.grain)
         if n == self.n:
             return
-        if self.prepared is None or self.control is None:  # still clustering: simply more or fewer spheres
+        if not self.has_begun:  # still clustering: simply more or fewer spheres
             self.n = n
             self._steps = self._all_steps()
             return
-        start = self._control_of(self._first_spheres(n))
+        start = self._place_control_points(self._require_spheres(n))
         kept = with_number(self.control, n, self.prepared)
         self.n, self._verdict = n, None
         self._note = f"goes on with {n} control points"
@@ -160,7 +187,7 @@ class StepRun(ABC):
         """
         if count < 1:
             raise FitError(f"{count} more generations cannot be made: give a whole number, 1 or more.")
-        if self.control is None:
+        if not self.has_begun:
             raise FitError("The gradient search has not begun: let the sphere clustering finish first.")
         self._verdict = None
         self._steps = self._search(int(count))
@@ -173,12 +200,11 @@ class StepRun(ABC):
         FitError
             If the search has not begun.
         """
-        if self.control is None or self.prepared is None:
-            raise FitError(f"The search for grain '{self.grain.name}' has not begun: there is no avatar yet.")
+        control = self.control
         if self._verdict is None:
             self._verdict = self._judge()
         return FitResult(
-            avatar=self.prepared.avatar(self.control),
+            avatar=self.prepared.avatar(control),
             history=np.array(self._losses),
             rms_history=np.array(self._rms),
             verdict=self._verdict,
@@ -190,11 +216,11 @@ class StepRun(ABC):
 
     # What a method brings along.
     @abstractmethod
-    def _further_spheres(self, n: int) -> Iterator[Sphere]:
+    def _find_spheres(self, n: int) -> Iterator[Sphere]:
         """Yield the spheres after those found so far, up to n in all."""
 
     @abstractmethod
-    def _control_of(self, spheres: Sequence[Sphere]) -> Float64[np.ndarray, "4 n"]:
+    def _place_control_points(self, spheres: Sequence[Sphere]) -> Float64[np.ndarray, "4 n"]:
         """Return the control points that the search starts from."""
 
     @abstractmethod
@@ -206,10 +232,10 @@ class StepRun(ABC):
         """Yield the generations of the search; first of all the start, where it is new."""
 
     @abstractmethod
-    def _rms_now(self) -> float:
+    def _measure_rms(self) -> float:
         """Return the root mean square surface distance of the control points, in working lengths."""
 
-    def _topology_known(self) -> Topology | None:
+    def _known_topology(self) -> Topology | None:
         """Return the topology of the avatar where the method knows it."""
         return None
 
@@ -220,39 +246,35 @@ class StepRun(ABC):
             cavities=options.cavities,
         )  # fmt: skip
 
-    def _first_spheres(self, n: int) -> list[Sphere]:
+    def _require_spheres(self, n: int) -> list[Sphere]:
         """Return n spheres; those of a smaller number are the first of a larger."""
         if len(self._spheres_found) < n:
-            assert self.prepared is not None
-            self._spheres_found += list(self._further_spheres(n))
+            self._spheres_found += list(self._find_spheres(n))
             if len(self._spheres_found) < n:
                 raise TooManyControlPoints(self.grain, n, len(self._spheres_found))
         return self._spheres_found[:n]
 
-    def _take_note(self) -> str:
+    def _pop_note(self) -> str:
         """Return what is to be said of the next start, once."""
         note, self._note = self._note, ""
         return note
 
     def _judge(self) -> Verdict:
-        assert self.prepared is not None
-        assert self.control is not None
         prepared = self.prepared
         return check(
-            prepared.avatar(self.control), self.grain, rms=self._rms_now() * prepared.scale,
-            found=self._topology_known(), outside=count_outside(self.control, prepared), asked=self.n,
+            prepared.avatar(self.control), self.grain, rms=self._measure_rms() * prepared.scale,
+            found=self._known_topology(), outside=count_outside(self.control, prepared), asked=self.n,
             grain_genus=prepared.genus, needed=lambda: number_needed(prepared), kept=prepared.cavities,
             filled=prepared.filled_voxels,
         )  # fmt: skip
 
     def _all_steps(self) -> Iterator[SearchStep]:
-        if self.prepared is None:
-            self.prepared = self._prepare()
+        prepared = self.prepared
         # After a change of n on the way the spheres found so far are kept.
-        for sphere in self._further_spheres(self.n):
+        for sphere in self._find_spheres(self.n):
             self._spheres_found.append(sphere)
-            yield self._clustering_step(self.prepared, self._spheres_found)
-        self._begin_at(self._control_of(self._first_spheres(self.n)))
+            yield self._clustering_step(prepared, self._spheres_found)
+        self._begin_at(self._place_control_points(self._require_spheres(self.n)))
         yield from self._search(self.options.generations)
 
     def _clustering_step(self, prepared: PreparedGrain, found: list[Sphere]) -> SearchStep:
@@ -268,8 +290,6 @@ class StepRun(ABC):
 
     def _record(self, loss: float, rms: float, generations: int, note: str = "") -> SearchStep:
         """Take down one generation of the search and return its step; `rms` in working lengths."""
-        assert self.prepared is not None
-        assert self.control is not None
         prepared, control = self.prepared, self.control.copy()
         self.generation += 1
         self._verdict = None

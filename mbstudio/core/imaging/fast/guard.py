@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -10,6 +12,7 @@ from mbstudio.core.imaging.fast.refine import Refinement
 from mbstudio.core.imaging.fast.relocation import without_the_least_useful
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import field_on_grid
+from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, nearest_link, topology
 
 MOST_ROUNDS = 4
@@ -19,6 +22,42 @@ _LARGER_ISLAND = 0.05
 _MOST_POINTS = 600
 _MOST_LINKS = 40
 _LEAST_MARGIN = 0.02  # working lengths
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A sound avatar that the guard can fall back on.
+
+    Attributes
+    ----------
+    control : float array, shape (4, n)
+    found : Topology
+    score : float
+        RMS distance (working lengths) plus relative volume error.
+    note : str
+        What was done to make it sound, in words.
+    """
+
+    control: Float64[np.ndarray, "4 n"]
+    found: Topology
+    score: float
+    note: str
+
+
+def is_sound(found: Topology, prepared: PreparedGrain) -> bool:
+    """Return whether an avatar is one piece, without a void beyond the cavities that were kept on purpose."""
+    return found.pieces == 1 and found.voids <= prepared.cavities
+
+
+def make_candidate(search: Refinement, found: Topology) -> Candidate:
+    """Return the avatar of a search, made sound by force where it is not, scored by its errors."""
+    note = "the soundest avatar so far"
+    if not is_sound(found, search.prepared):
+        control, found, note = force_sound(search.control, search.prepared)
+        search = Refinement(search.prepared, control)
+    volume, _ = volume_and_area_of_thin(search.control)
+    score = search.rms() + abs(volume / search.prepared.volume - 1)
+    return Candidate(search.control.copy(), found, score, note)
 
 
 def wrongly_empty(
@@ -52,7 +91,7 @@ def repair(search: Refinement, found: Topology, round_number: int, rng: np.rando
             notes.append(f"{int(stray.sum())} control point(s) of islands dropped")
     empty, depths = wrongly_empty(search.control, search.prepared, rng)
     if len(empty):
-        search.keep(empty, depths, weight=2.0 * (1 + round_number))
+        search.hold_points(empty, depths, weight=2.0 * (1 + round_number))
         notes.append(f"{len(empty)} empty places inside the grain to be filled")
     search.damping = max(search.damping, 0.1)
     return ", ".join(notes)
@@ -78,7 +117,7 @@ def mend_handles(search: Refinement, round_number: int) -> str:
     ):
         if len(points):
             depth = np.maximum(np.abs(search.depth_of(points.T)), _LEAST_MARGIN)
-            search.keep(points, depth, weight=2.0 * (1 + round_number), filled=filled)
+            search.hold_points(points, depth, weight=2.0 * (1 + round_number), filled=filled)
             notes.append(f"{len(points)} places {told}")
     return ", ".join(notes)
 

@@ -28,6 +28,7 @@ from mbstudio.core.imaging.fast.levenberg_marquardt import (
     steepness_of_rows,
     weighted_sums_of_rows,
 )
+from mbstudio.core.imaging.fast.rows import InteriorPoints, Residuals, SolidRows, SurfacePoints
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import mesh_area, volume_and_area
@@ -106,11 +107,6 @@ class RefineSettings:
         return min(self.steepness_roof, max(self.steepness_roof_of_few, n / 4))
 
 
-# Distances and f at the surface points, hinges and f at the interior points, lacks of depth and
-# gradients of the signed distance at the control points, volume row.
-_State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]
-
-
 class Refinement:
     """The state of one fast search; :meth:`advance` makes one step.
 
@@ -119,7 +115,14 @@ class Refinement:
     control : float64 array, shape (4, n)
         Rows x, y, z, k as they stand, in the working frame.
     damping : float
+    surface : SurfacePoints
+        Those in use.
+    soft_depth, hard_depth : float
+        The depth that control points are pulled to, and that below which none may go.
     """
+
+    surface: SurfacePoints
+    solid: SolidRows
 
     def __init__(
         self,
@@ -130,22 +133,15 @@ class Refinement:
         self.prepared = prepared
         self.settings = settings or RefineSettings()
         self.damping = self.settings.start_damping
-        self.iteration = 0
-        self.hull = np.ascontiguousarray(prepared.hull.T, dtype=np.float32)
+        self._iteration = 0
+        self._hull = np.ascontiguousarray(prepared.hull.T, dtype=np.float32)
         tips, shares = prepared.tips, prepared.tip_shares
         if self.settings.tip_weight <= 0:
             tips, shares = tips[:0], shares[:0]
         self._tips = np.ascontiguousarray(tips.T, dtype=np.float32)
         self._tip_weight = np.sqrt(self.settings.tip_weight * shares)
-        self._witnesses = np.ascontiguousarray(self.hull[:, :: -(-self.hull.shape[1] // 4000)])
-        self._interior = np.ascontiguousarray(prepared.interior.T, dtype=np.float32)
-        self._interior_target = (0.5 * np.minimum(prepared.interior_depth, 0.15)).astype(np.float32)
-        self._interior_side = np.ones(len(self._interior_target), dtype=np.float32)
-        self._interior_weight = np.full(
-            len(self._interior_target),
-            self.settings.interior_weight / np.sqrt(max(len(self._interior_target), 1)),
-            dtype=np.float32,
-        )  # fmt: skip
+        self._witnesses = np.ascontiguousarray(self._hull[:, :: -(-self._hull.shape[1] // 4000)])
+        self._interior = InteriorPoints(prepared, self.settings.interior_weight)
         # In a thin body the same displacement is a larger share of the volume.
         self._volume_weight = self.settings.volume_weight * prepared.slenderness**2
         self._offset = 0
@@ -158,30 +154,21 @@ class Refinement:
         self.control = np.array(control, dtype=np.float64)
         self.soft_depth, self.hard_depth = least_depths(self.prepared, self.control.shape[1])
         self.damping = max(self.damping, 1e-2)
-        self._renew()
+        self._renew_surface()
 
-    def keep(
+    def hold_points(
         self, points: Float64[np.ndarray, "p 3"], depth: Float64[np.ndarray, "p"], weight: float,
         *, filled: bool = True,
     ) -> None:  # fmt: skip
         """Add points that must lie inside the avatar, or outside it: the guard's answer to its faults."""
         # A hair off the voxels' centres, where control points may lie: f has no value there.
-        places = points.T + 0.01 * self.prepared.voxel
-        self._interior = np.hstack([self._interior, places.astype(np.float32)])
-        side = np.full(len(points), 1 if filled else -1, dtype=np.float32)
-        self._interior_side = np.append(self._interior_side, side)
-        self._interior = np.ascontiguousarray(self._interior)
-        self._interior_target = np.append(
-            self._interior_target, np.minimum(0.5 * depth, 0.075).astype(np.float32)
-        )
-        rows = np.full(len(points), weight / np.sqrt(max(len(points), 1)), dtype=np.float32)
-        self._interior_weight = np.append(self._interior_weight, rows)
+        self._interior.add(points.T + 0.01 * self.prepared.voxel, depth, weight, filled)
         self.damping = max(self.damping, 1e-1)
 
     def field_on_hull(self) -> np.ndarray:
         """Return f at all hull points, in single precision."""
-        out = np.empty(self.hull.shape[1], dtype=np.float32)
-        field_of_rows(self.hull, self.control.astype(np.float32), out)
+        out = np.empty(self._hull.shape[1], dtype=np.float32)
+        field_of_rows(self._hull, self.control.astype(np.float32), out)
         return out
 
     def rms(self) -> float:
@@ -196,64 +183,58 @@ class Refinement:
         residual = 2 * (1 - field**-0.5) / np.clip(steepness, 0.7, 6.0)
         return float(np.sqrt(np.mean(np.square(residual, dtype=np.float64))))
 
-    def _renew(self) -> None:
-        """Take the next subset of hull points and measure the volume."""
+    def _renew_surface(self) -> None:
+        """Take the next subset of hull points and measure the solid."""
         settings = self.settings
         each = settings.points_per_many if self._are_many() else settings.points_per_control
         wanted = max(settings.fewest_points, each * self.control.shape[1])
         if self._wanted_area is not None:
             wanted = round(self.settings.denser * wanted)
         wanted = max(wanted, self._least_points)
-        stride = max(1, self.hull.shape[1] // wanted)
+        stride = max(1, self._hull.shape[1] // wanted)
         self._offset = (self._offset + max(1, int(0.382 * stride))) % stride
-        chosen = self.hull[:, self._offset :: stride]
-        m, t = chosen.shape[1], self._tips.shape[1]
-        self._surface = np.ascontiguousarray(np.hstack([chosen, self._tips]))
-        # Weights of the residuals in the sum of squares, and of the distances in means over the surface.
-        self._row_weight = np.concatenate([np.full(m, 1 / np.sqrt(m)), self._tip_weight]).astype(np.float32)
-        self._share = np.concatenate([np.full(m, 1 / m), np.zeros(t)]).astype(np.float32)
-        self._measure_solid()
+        chosen = self._hull[:, self._offset :: stride]
+        self.surface = SurfacePoints.join(chosen, self._tips, self._tip_weight)
+        self.measure_solid()
 
     def _are_many(self) -> bool:
         """Tell whether control points are many, and the surface known well enough for them."""
         return self.control.shape[1] >= self.settings.many and bool(np.isfinite(self.prepared.area))
 
-    def _mean(self, distances: np.ndarray) -> float:
-        """Return the mean over the surface of what is known at the surface points in use."""
-        return float((self._share * distances).sum(dtype=np.float64))
-
-    def _measure_solid(self) -> None:
+    def measure_solid(self) -> None:
+        """Measure volume and area anew, from which their rows start."""
         bounds = solid_bounds(self.control, rounds=1)
         # Sheets thinner than three cells would have a wrong volume.
         fine = int(min(3 * float((bounds[1] - bounds[0]).max()) / self.prepared.thickness, 96))
         cells = max(32 if self._wanted_area is None else 48, fine)
         volume, area = volume_and_area(self.control, cells=cells, bounds=bounds)
-        self.volume_error = volume / self.prepared.volume - 1.0
         displacement = (volume - self.prepared.volume) / max(area, 1e-12)
-        residual, _ = self._surface_rows(self.control.astype(np.float32), None)
+        single = self.control.astype(np.float32)
+        self._measure_scale(single)
+        residual, _ = self._surface_rows(single)
         # A wildly wrong start must not let the volume row throw the search off.
-        self._volume_offset = float(np.clip(displacement, -0.3, 0.3)) - self._mean(residual)
-        self._bend, self._area_weight, self._area_offset = np.zeros_like(residual), 0.0, 0.0
+        volume_offset = float(np.clip(displacement, -0.3, 0.3)) - self.surface.mean(residual)
+        bend = np.zeros_like(residual)
+        self.solid = SolidRows(volume_offset, bend)
         if self._wanted_area is None:
             return
         area = mesh_area(self.control, 64)
         if area >= self._wanted_area and not self.settings.area_stays:
             return
-        self._area_weight = self.settings.area_weight
         roof = self.settings.curvature_roof
         # The area grows by twice the mean curvature times the displacement.
-        curvature_of_rows(self._surface, self.control.astype(np.float32), self._bend)
-        np.clip(self._bend, -roof, roof, out=self._bend)
-        expected = self._mean(self._bend * residual)
-        self._area_offset = area / self._wanted_area - 1.0 - expected
+        curvature_of_rows(self.surface.points, single, bend)
+        np.clip(bend, -roof, roof, out=bend)
+        area_offset = area / self._wanted_area - 1.0 - self.surface.mean(bend * residual)
+        self.solid = SolidRows(volume_offset, bend, self.settings.area_weight, area_offset)
 
     def take_more_points(self) -> bool:
         """From now on ask at more surface points, so that their choice no longer counts, where that pays."""
         # On few or long voxels, of which no area is known, the avatar would only follow the steps.
-        if not np.isfinite(self.prepared.area) or self.hull.shape[1] < 3 * self._surface.shape[1]:
+        if not np.isfinite(self.prepared.area) or self._hull.shape[1] < 3 * self.surface.points.shape[1]:
             return False
         self._least_points = self.settings.points_at_end
-        self._renew()
+        self._renew_surface()
         return True
 
     def strive_for_area(self) -> bool:
@@ -267,82 +248,77 @@ class Refinement:
         if not np.isfinite(wanted) or (area := mesh_area(self.control, 64)) >= wanted:
             return False
         self._wanted_area = min(wanted, area * (1 + settings.most_area_gain))
-        self._renew()
+        self._renew_surface()
         return True
 
-    def _surface_rows(self, control: np.ndarray, scale: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Return distance and f at the surface subset; `scale` is 2/g, measured here if None."""
-        field = np.empty(self._surface.shape[1], dtype=np.float32)
-        field_of_rows(self._surface, control, field)
-        if scale is None:
-            steepness = np.empty_like(field)
-            steepness_of_rows(self._surface, control, steepness)
-            roof = self.settings.steepness_roof_for(control.shape[1])
-            scale = 2 / np.clip(steepness, self.settings.steepness_floor, roof)
-            self._scale = scale
-        return scale * (1 - field**-0.5), field
+    def _measure_scale(self, control: np.ndarray) -> None:
+        """Measure 2/g at the surface points, which the steps until the next measurement count with."""
+        steepness = np.empty(self.surface.points.shape[1], dtype=np.float32)
+        steepness_of_rows(self.surface.points, control, steepness)
+        roof = self.settings.steepness_roof_for(control.shape[1])
+        self._scale = 2 / np.clip(steepness, self.settings.steepness_floor, roof)
 
-    def _cost(self, control: np.ndarray) -> tuple[float, _State]:
-        """Return half the sum of squares at `control`, and what its derivative needs."""
+    def _surface_rows(self, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return distance and f at the surface points in use."""
+        field = np.empty(self.surface.points.shape[1], dtype=np.float32)
+        field_of_rows(self.surface.points, control, field)
+        return self._scale * (1 - field**-0.5), field
+
+    def _cost(self, control: np.ndarray) -> tuple[float, Residuals]:
+        """Return half the sum of squares at `control`, and its rows."""
         single = control.astype(np.float32)
-        residual, field = self._surface_rows(single, self._scale)
-        inner = np.empty(self._interior.shape[1], dtype=np.float32)
-        field_of_rows(self._interior, single, inner)
-        hinge = np.minimum(self._interior_side * (1 - inner**-0.5) - self._interior_target, 0)
-        hinge *= self._interior_weight
+        residual, field = self._surface_rows(single)
+        hinge, inner = self._interior.hinges(single)
         depth, slope = depths_of(self.prepared, control[:3])
         shallow = np.maximum(self.soft_depth - depth, 0) * (
             self.settings.depth_weight / np.sqrt(control.shape[1])
         )
-        volume = self._volume_weight * (self._mean(residual) + self._volume_offset)
-        area = self._area_weight * (self._mean(self._bend * residual) + self._area_offset)
-        cost = (
-            float(np.sum(np.square(self._row_weight * residual, dtype=np.float64)))
-            + float(np.sum(np.square(hinge, dtype=np.float64)))
-            + float(shallow @ shallow)
-            + volume**2
-            + area**2
-        )
-        return 0.5 * cost, (residual, field, hinge, inner, shallow, slope, volume, area)
+        solid, mean = self.solid, self.surface.mean
+        volume = self._volume_weight * (mean(residual) + solid.volume_offset)
+        area = solid.area_weight * (mean(solid.bend * residual) + solid.area_offset)
+        rows = Residuals(residual, field, hinge, inner, shallow, slope, volume, area)
+        return rows.half_sum_of_squares(self.surface.row_weight), rows
 
-    def _normal_equations(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
-        residual, field, hinge, inner, shallow, slope, volume, area = state
-        n = self.control.shape[1]
-        active = np.flatnonzero(hinge < 0)
-        weight = self._row_weight
-        points = np.ascontiguousarray(np.hstack([self._surface, self._interior[:, active]]))
+    def _normal_equations(self, at: Residuals) -> tuple[np.ndarray, np.ndarray]:
+        n, interior, solid = self.control.shape[1], self._interior, self.solid
+        active = np.flatnonzero(at.hinge < 0)
+        weight = self.surface.row_weight
+        points = np.ascontiguousarray(np.hstack([self.surface.points, interior.points[:, active]]))
         # d(1 - u)/df = f**(-3/2) / 2.
         factor = np.concatenate([
-            0.5 * self._scale * weight * field**-1.5,
-            0.5 * (self._interior_side * self._interior_weight)[active] * inner[active] ** -1.5,
+            0.5 * self._scale * weight * at.field**-1.5,
+            0.5 * (interior.side * interior.weight)[active] * at.inner[active] ** -1.5,
         ]).astype(np.float32)  # fmt: skip
         rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
         jacobian_of_rows(points, self.control.astype(np.float32), factor, rows)
         matrix, gradient = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
         add_normal_matrix(
-            rows, np.concatenate([residual * weight, hinge[active]]).astype(np.float32), matrix, gradient
+            rows,
+            np.concatenate([at.surface * weight, at.hinge[active]]).astype(np.float32),
+            matrix,
+            gradient,
         )
-        share, mean = self._share / weight, np.empty(4 * n)
+        share, mean = self.surface.share / weight, np.empty(4 * n)
         weighted_sums_of_rows(rows, share, mean)
         mean *= self._volume_weight
         matrix += np.outer(mean, mean)
-        gradient += mean * volume
-        if self._area_weight:
+        gradient += mean * at.volume
+        if solid.area_weight:
             bent = np.empty(4 * n)
-            weighted_sums_of_rows(rows, self._bend * share, bent)
-            bent *= self._area_weight
+            weighted_sums_of_rows(rows, solid.bend * share, bent)
+            bent *= solid.area_weight
             matrix += np.outer(bent, bent)
-            gradient += bent * area
+            gradient += bent * at.area
         # Each control point's depth row touches only its own three places.
-        low = np.flatnonzero(shallow > 0)
-        rows_of_depth = -self.settings.depth_weight / np.sqrt(n) * slope[:, low]
+        low = np.flatnonzero(at.shallow > 0)
+        rows_of_depth = -self.settings.depth_weight / np.sqrt(n) * at.slope[:, low]
         for a in range(3):
-            gradient[(a + 1) * n + low] += rows_of_depth[a] * shallow[low]
+            gradient[(a + 1) * n + low] += rows_of_depth[a] * at.shallow[low]
             for b in range(3):
                 matrix[(a + 1) * n + low, (b + 1) * n + low] += rows_of_depth[a] * rows_of_depth[b]
         return matrix, gradient
 
-    def _moved(self, step: np.ndarray) -> np.ndarray:
+    def _step_from(self, step: np.ndarray) -> np.ndarray:
         """Return the control points after a step: bounded, and none shallower than allowed."""
         n = self.control.shape[1]
         moved = self.control.copy()
@@ -357,16 +333,18 @@ class Refinement:
         """Bring the control points of a start to where the search allows them, as far as the shape lets."""
         settle_in(self.prepared, self.control, self.hard_depth)
 
-    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
+    def linearise(self) -> tuple[np.ndarray, np.ndarray]:
         """Return normal matrix (lower triangle) and gradient at the control points as they stand."""
-        self._surface_rows(self.control.astype(np.float32), None)
+        self._measure_scale(self.control.astype(np.float32))
         return self._normal_equations(self._cost(self.control)[1])
 
     def surface_rows_at(self, control: Float64[np.ndarray, "4 n"]) -> tuple[np.ndarray, ...]:
         """Return the surface points in use, their weighted residuals and the derivatives of these by f."""
-        residual, field = self._surface_rows(control.astype(np.float32), None)
-        weight = self._row_weight
-        return self._surface, weight * residual, (0.5 * weight * self._scale * field**-1.5).astype(np.float32)
+        single, weight = control.astype(np.float32), self.surface.row_weight
+        self._measure_scale(single)
+        residual, field = self._surface_rows(single)
+        slope = (0.5 * weight * self._scale * field**-1.5).astype(np.float32)
+        return self.surface.points, weight * residual, slope
 
     def depth_of(self, points: Float64[np.ndarray, "3 p"]) -> Float64[np.ndarray, "p"]:
         """Return the depth of points (rows x, y, z) below the surface."""
@@ -377,27 +355,21 @@ class Refinement:
         least = np.minimum(self.hard_depth, self.depth_of(self.control[:3]))
         push_in(self.prepared, moved, least, self.control)
 
-    def pushed_in(self, points: Float64[np.ndarray, "3 p"], depth: float) -> Float64[np.ndarray, "3 p"]:
-        """Return points (rows x, y, z) moved inward to a depth, as far as the shape lets."""
-        moved = points.copy()
-        push_in(self.prepared, moved, np.full(points.shape[1], depth), points)
-        return moved
-
     def advance(self) -> bool:
         """Make one step; return False where no damping finds a lower sum of squares."""
         every = self.settings.renew_many_every if self._are_many() else self.settings.renew_every
-        if self.iteration and self.iteration % every == 0:
-            self._renew()
-        self.iteration += 1
-        self._surface_rows(self.control.astype(np.float32), None)  # the lagged g
-        cost, state = self._cost(self.control)
-        matrix, gradient = self._normal_equations(state)
+        if self._iteration and self._iteration % every == 0:
+            self._renew_surface()
+        self._iteration += 1
+        self._measure_scale(self.control.astype(np.float32))  # the lagged g
+        cost, rows = self._cost(self.control)
+        matrix, gradient = self._normal_equations(rows)
         diagonal = np.diagonal(matrix).copy()
         diagonal += 1e-3 * diagonal.mean()
         factor, step = np.zeros_like(matrix), np.empty_like(gradient)
         for _ in range(8):
             if solve_damped(matrix, self.damping * diagonal, gradient, factor, step):
-                trial = self._moved(step)
+                trial = self._step_from(step)
                 if self._cost(trial)[0] < cost:
                     self.control = trial
                     self.damping = max(self.damping / 3, 1e-6)

@@ -19,6 +19,7 @@ from jaxtyping import Float64
 from numba import njit
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.imaging.depths import push_in
 from mbstudio.core.imaging.fast.levenberg_marquardt import add_normal_matrix, jacobian_of_rows, solve_damped
 from mbstudio.core.imaging.fast.refine import Refinement
 
@@ -80,7 +81,7 @@ def relocate(search: Refinement, count: int, rng: np.random.Generator) -> None:
 
 def without_the_least_useful(search: Refinement, count: int) -> Float64[np.ndarray, "4 n"]:
     """Return the control points of a search but for `count`, the others moved to make up for them."""
-    matrix, _ = search.linearised()
+    matrix, _ = search.linearise()
     n = search.control.shape[1]
     diagonal = np.diagonal(matrix)
     damping = 1e-5 * diagonal + 1e-6 * diagonal.mean()
@@ -171,7 +172,9 @@ def _candidates(
     )
     tried = []
     for times in _DEPTHS:
-        places = search.pushed_in(points[:, chosen].astype(np.float64), times * search.soft_depth)
+        surface = points[:, chosen].astype(np.float64)
+        places, depth = surface.copy(), np.full(len(chosen), times * search.soft_depth)
+        push_in(search.prepared, places, depth, surface)
         tried.append(places[:, search.depth_of(places) > 0.9 * search.hard_depth])
     return np.hstack(tried)
 

@@ -139,10 +139,9 @@ class TargetFit:
 
     def _new_run(self, n: int) -> StepRun:
         """Return the step object of n control points; the grain is prepared only once."""
-        prepared = self._run.prepared if self._run is not None else None
-        self._run = self._first if n == 1 else self._start(n)
-        if self._run.prepared is None:
-            self._run.prepared = prepared
+        before, self._run = self._run, self._first if n == 1 else self._start(n)
+        if before is not None:
+            self._run.share_preparation(before)
         return self._run
 
     def _tried(self, run: StepRun) -> _Tried:
@@ -171,7 +170,7 @@ class TargetFit:
     def _stopped(self) -> FitResult:
         """Return the truest avatar of a search that was stopped before any reached the target."""
         now = self._at_hand()
-        if now.control is None and self._best is not None:
+        if not now.has_begun and self._best is not None:
             now = self._best.run
         result, values = now.result(), {}
         if self._best is not None and now is self._best.run:

@@ -20,7 +20,7 @@ from numba import njit
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
 from mbstudio.core.imaging.preprocess import CAVITIES, PreparedGrain, prepare
-from mbstudio.core.imaging.run import StepRun, clustered
+from mbstudio.core.imaging.run import StepRun, cluster_spheres
 from mbstudio.core.imaging.start.control_points import control_of_spheres
 from mbstudio.core.imaging.start.sphere_clustering import Sphere, cluster_overlapping, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
@@ -208,11 +208,10 @@ class PaperFit(StepRun):
             hull=options.hull, cavities=options.cavities,
         )  # fmt: skip
 
-    def _further_spheres(self, n: int) -> Iterator[Sphere]:
-        assert self.prepared is not None
+    def _find_spheres(self, n: int) -> Iterator[Sphere]:
         prepared, options, before = self.prepared, self.options, len(self._spheres_found)
         if options.clustering == "incremental":
-            yield from clustered(prepared, n)[before:]
+            yield from cluster_spheres(prepared, n)[before:]
             return
         found = list(self._spheres_found)
         for sphere in cluster_to_the_letter(
@@ -224,8 +223,7 @@ class PaperFit(StepRun):
             transform = prepared.distance + np.float32(0.5 * prepared.voxel)
             yield from cluster_overlapping(transform, prepared.spacing, found, n, prepared.voxel)
 
-    def _control_of(self, spheres: Sequence[Sphere]) -> np.ndarray:
-        assert self.prepared is not None
+    def _place_control_points(self, spheres: Sequence[Sphere]) -> np.ndarray:
         options = self.options
         return control_of_spheres(
             self.prepared, spheres, weight=options.weight, common_factor=options.common_factor,
@@ -233,21 +231,16 @@ class PaperFit(StepRun):
         )  # fmt: skip
 
     def _begin_at(self, control: np.ndarray) -> float:
-        assert self.prepared is not None
         self.control, self._begun = control, False
         return mean_loss(field_at(self.prepared.hull, control))
 
-    def _rms_now(self) -> float:
-        assert self.prepared is not None
-        assert self.control is not None
+    def _measure_rms(self) -> float:
         points = self.prepared.hull[:: max(1, len(self.prepared.hull) // 3000)]
         field, gradient = field_and_gradient_at(points, self.control)
         steepness = np.clip(np.linalg.norm(gradient, axis=1) / field, 0.7, 6.0)
         return float(np.sqrt(np.mean(np.square(2 * (1 - field**-0.5) / steepness))))
 
     def _search(self, generations: int) -> Iterator[SearchStep]:
-        assert self.prepared is not None
-        assert self.control is not None
         options, hull = self.options, self.prepared.hull
         adam = Adam(options.learning_rate, options.beta1, options.beta2, options.epsilon)
         descent = GradientDescent(options.learning_rate, options.momentum)
@@ -257,22 +250,21 @@ class PaperFit(StepRun):
         loss, gradient = loss_and_gradient(hull, self.control)
         if not self._begun:
             self._begun = True
-            yield self._record(loss, self._rms_now(), last, self._take_note())
+            yield self._record(loss, self._measure_rms(), last, self._pop_note())
         for done in range(generations):
             optimiser: Adam | GradientDescent = adam if done < adam_until else descent
             if optimiser is descent and 0 < options.batch_points < len(hull):
                 batch = hull[rng.choice(len(hull), options.batch_points, replace=False)]
                 gradient = loss_and_gradient(batch, self.control)[1]
-            self.control = self._moved(self.control, gradient, optimiser)
+            self.control = self._step_along(self.control, gradient, optimiser)
             loss, gradient = loss_and_gradient(hull, self.control)
             note = "SGD takes over from Adam" if done == adam_until and adam_until else ""
-            yield self._record(loss, self._rms_now(), last, note)
+            yield self._record(loss, self._measure_rms(), last, note)
 
-    def _moved(
+    def _step_along(
         self, control: np.ndarray, gradient: np.ndarray, optimiser: Adam | GradientDescent
     ) -> np.ndarray:
         """Return the control points after one generation, given the gradient of the mean loss."""
-        assert self.prepared is not None
         options, moved, slope = self.options, control.copy(), gradient.copy()
         # Optimisers see lengths in `unit`: places are longer by this factor, slopes flatter.
         length = 1.0 if options.unit == "rms radius" else 1.0 / self.prepared.voxel

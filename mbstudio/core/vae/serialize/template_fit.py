@@ -11,6 +11,7 @@ from jaxtyping import Float, Float64
 from mbstudio.core.imaging.depths import count_outside
 from mbstudio.core.imaging.fast.guard import wrongly_empty
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.fast.rows import Residuals
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
@@ -103,13 +104,13 @@ class TemplateFit(Refinement):
     def _drift(self, control: np.ndarray) -> np.ndarray:
         return np.concatenate([np.log(control[3]), control[:3].ravel()]) - self._held
 
-    def _cost(self, control: np.ndarray) -> tuple[float, tuple]:  # type: ignore[type-arg]
-        cost, state = super()._cost(control)
+    def _cost(self, control: np.ndarray) -> tuple[float, Residuals]:
+        cost, rows = super()._cost(control)
         drift = self._drift(control)
-        return cost + 0.5 * self.ridge * float(drift @ self._stiffness @ drift), state
+        return cost + 0.5 * self.ridge * float(drift @ self._stiffness @ drift), rows
 
-    def _normal_equations(self, state: tuple) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
-        matrix, gradient = super()._normal_equations(state)
+    def _normal_equations(self, at: Residuals) -> tuple[np.ndarray, np.ndarray]:
+        matrix, gradient = super()._normal_equations(at)
         matrix += self.ridge * self._stiffness
         gradient += self.ridge * (self._stiffness @ self._drift(self.control))
         return matrix, gradient
@@ -222,7 +223,7 @@ def _made_sound(search: TemplateFit, settings: TemplateFitSettings) -> Topology:
             _pull_in(search, found)
         empty, depths = wrongly_empty(search.control, search.prepared, rng)
         if len(empty):
-            search.keep(empty, depths, weight=2.0 * (1 + number))
+            search.hold_points(empty, depths, weight=2.0 * (1 + number))
         search.damping = max(search.damping, 0.1)
         search.descend(settings.guard_steps)
         found = topology(search.control)

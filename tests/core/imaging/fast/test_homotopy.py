@@ -151,8 +151,8 @@ def test_a_place_to_be_left_empty_may_hold_a_control_point() -> None:
     rim = np.argwhere(prepared.mask)[100][::-1] * prepared.spacing + prepared.origin
     control = np.array([[*rim, 0.05], [0.1, 0.1, 0.1, 0.2]]).T
     search = Refinement(prepared, control)
-    search.keep(rim[None], np.array([0.02]), weight=2.0, filled=False)
-    matrix, force = search.linearised()
+    search.hold_points(rim[None], np.array([0.02]), weight=2.0, filled=False)
+    matrix, force = search.linearise()
     assert np.isfinite(matrix).all()
     assert np.isfinite(force).all()
     assert search.advance()

@@ -37,4 +37,4 @@ def test_distances_to_a_steep_surface_are_bounded_by_the_roof(n):
     roof = RefineSettings().steepness_roof_for(n)
     assert (g > roof).sum() > 20
     expected = 2 * (1 - field**-0.5) / np.clip(g, 0.7, roof)
-    np.testing.assert_allclose(residuals, search._row_weight * expected, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(residuals, search.surface.row_weight * expected, rtol=1e-3, atol=1e-6)

@@ -133,9 +133,9 @@ def test_a_grain_of_few_voxels_has_no_more_points_to_ask_at() -> None:
     assert not Refinement(long, control).take_more_points()
     many = prepare(grain_where(ellipsoid(50, 50, 50), 52, VoxelSize(1, 1, 1, "um")))
     search = Refinement(many, control)
-    before = search._surface.shape[1]
+    before = search.surface.points.shape[1]
     assert search.take_more_points()
-    assert search._surface.shape[1] >= 3 * before
+    assert search.surface.points.shape[1] >= 3 * before
 
 
 @pytest.mark.parametrize(("half", "n", "are_many"), [(50, 79, False), (50, 80, True), (9, 80, False)])
@@ -143,12 +143,12 @@ def test_many_control_points_get_fresh_surface_points_sooner_but_on_few_voxels(h
     prepared = prepare(grain_where(ellipsoid(half, half, half), half + 2, VoxelSize(1, 1, 1, "um")))
     rng = np.random.default_rng(0)
     search = Refinement(prepared, np.vstack([0.2 * rng.normal(size=(3, n)), np.full(n, 1 / n)]))
-    first = search._surface
+    first = search.surface
     for _ in range(4):
         search.advance()
-    assert (search._surface is not first) == are_many
+    assert (search.surface is not first) == are_many
     if are_many:
-        assert first.shape[1] >= search.settings.points_per_many * n
+        assert first.points.shape[1] >= search.settings.points_per_many * n
 
 
 def test_the_area_row_stays_or_rests_once_the_area_is_right(cube: Grain) -> None:
@@ -158,10 +158,10 @@ def test_the_area_row_stays_or_rests_once_the_area_is_right(cube: Grain) -> None
     for stays in (True, False):
         search = Refinement(prepared, ball, RefineSettings(area_stays=stays))
         assert search.strive_for_area()
-        assert search._area_weight > 0
+        assert search.solid.area_weight > 0
         search._wanted_area = 0.9 * mesh_area(ball)
-        search._measure_solid()
-        assert (search._area_weight > 0) == stays
+        search.measure_solid()
+        assert (search.solid.area_weight > 0) == stays
 
 
 @pytest.mark.parametrize(
