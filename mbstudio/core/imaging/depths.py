@@ -10,7 +10,14 @@ from mbstudio.core.imaging.preprocess import PreparedGrain
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def depth_at(points, distance, origin, spacing, depth, slope):  # pragma: no cover - compiled
+def depth_at(
+    points: np.ndarray,
+    distance: np.ndarray,
+    origin: np.ndarray,
+    spacing: np.ndarray,
+    depth: np.ndarray,
+    slope: np.ndarray,
+) -> None:
     """Interpolate the signed distance and its gradient at points (rows x, y, z)."""
     nz, ny, nx = distance.shape
     for p in range(points.shape[1]):

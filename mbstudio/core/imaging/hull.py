@@ -12,7 +12,9 @@ _PLANES = 300  # that touch the surface in its tips
 
 
 @njit(cache=True, nogil=True)
-def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: no cover - compiled
+def _points_on_triangles(
+    vertices: np.ndarray, faces: np.ndarray, areas: np.ndarray, fractions: np.ndarray, jitter: np.ndarray
+) -> np.ndarray:
     """Place one point in each equal share of the total area (faces in their order)."""
     total = areas.sum()
     out = np.empty((len(fractions), 3))
@@ -36,7 +38,7 @@ def _points_on_triangles(vertices, faces, areas, fractions, jitter):  # pragma: 
 
 
 @njit(cache=True, nogil=True)
-def _places_on_curve(cells):  # pragma: no cover - compiled
+def _places_on_curve(cells: np.ndarray) -> np.ndarray:
     """Return the place along Morton's curve of cells (x, y, z) of 10 bits an axis."""
     out = np.zeros(len(cells), np.int64)
     for p in range(len(cells)):
@@ -102,7 +104,7 @@ def points_on_surface(
 
 
 @njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
-def _farthest(points, directions):  # pragma: no cover - compiled
+def _farthest(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return the point (column of x, y, z) farthest along each direction, and farthest against it."""
     found = np.empty((2, len(directions)), np.int64)
     total, heights = points.shape[1], np.empty(256, np.float32)
@@ -144,4 +146,5 @@ def outermost_voxels(
     outermost = np.argwhere(mask & ~binary_erosion(mask))
     if len(outermost) > count:
         outermost = outermost[rng.choice(len(outermost), count, replace=False, shuffle=False)]
-    return outermost[:, ::-1] * spacing
+    points: np.ndarray = outermost[:, ::-1] * spacing
+    return points

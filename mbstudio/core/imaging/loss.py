@@ -18,7 +18,7 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mean_loss(field):  # pragma: no cover - compiled
+def _mean_loss(field: np.ndarray) -> float:
     total = 0.0
     for i in range(len(field)):
         f = np.float64(field[i])

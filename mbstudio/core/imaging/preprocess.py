@@ -153,7 +153,7 @@ class PreparedGrain:
 
 
 @njit(cache=True, nogil=True)
-def _block_average(mask, fz, fy, fx, out):  # pragma: no cover - compiled
+def _block_average(mask: np.ndarray, fz: int, fy: int, fx: int, out: np.ndarray) -> None:
     """Add the share of each block of voxels that is inside; `out` starts at zero and has a margin of PAD."""
     nz, ny, nx = mask.shape
     share = np.float32(1.0 / (fz * fy * fx))

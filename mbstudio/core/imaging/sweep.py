@@ -83,7 +83,8 @@ class SweepRow:
 
     def error_of(self, name: str) -> float:
         """Return an error by its name, a share without sign: one of `MEASURES` or of a shape factor."""
-        return abs(getattr(self, name) if name in MEASURES else self.errors.get(name, UNKNOWN))
+        value: float = abs(getattr(self, name) if name in MEASURES else self.errors.get(name, UNKNOWN))
+        return value
 
 
 class Sweep:

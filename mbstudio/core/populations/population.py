@@ -106,7 +106,8 @@ class Population:
     def values(self, factor: str) -> Float[np.ndarray, " defined"]:
         """Return one factor of the bodies that have it, in the order of the rows."""
         column = self.column(factor)
-        return column[np.isfinite(column)]
+        finite: np.ndarray = column[np.isfinite(column)]
+        return finite
 
     def weights(self, factor: str, by: Weighting = "number") -> Float[np.ndarray, " defined"]:
         """Return the shares, of sum 1, that go with `values`: equal, or by volume (mass at one density)."""

@@ -126,7 +126,8 @@ def read_embedded_voxels(path: Path) -> VoxelArray:
     """
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return file["scan/voxels"][:]
+            voxels: VoxelArray = file["scan/voxels"][:]
+            return voxels
     except (OSError, KeyError, RuntimeError) as error:
         raise ProjectError(f"The scan embedded in {path} cannot be read ({_reason(error)}).") from error
 

@@ -117,7 +117,8 @@ def read_fits(group: h5py.Group) -> dict[int, FitResult]:
 def _read_column(group: h5py.Group, name: str, dtype: Any, rows: int) -> np.ndarray:
     if name in _LATER and name not in group:
         return np.full(rows, _LATER[name], dtype=object if dtype is _TEXT else dtype)
-    return group[name].asstr()[:] if dtype is _TEXT else group[name][:]
+    column: np.ndarray = group[name].asstr()[:] if dtype is _TEXT else group[name][:]
+    return column
 
 
 def _or_unknown(genus: int | None) -> int:

@@ -110,7 +110,3 @@ class History:
             raise ProjectError(f"There are {len(self._entries) - 1} changes, not {position}.")
         self._position = position
         return self.state
-
-    def clear_redo(self) -> None:
-        """Forget the changes that were undone."""
-        del self._entries[self._position + 1 :]

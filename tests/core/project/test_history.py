@@ -40,15 +40,6 @@ def test_a_change_after_undo_forgets_what_was_undone():
         history.redo()
 
 
-def test_redo_can_be_cleared():
-    history = History(state_with(1))
-    history.push(state_with(2), "two")
-    history.undo()
-    history.clear_redo()
-    assert not history.can_redo
-    assert history.state.fit_settings.n == 1
-
-
 def test_old_changes_are_forgotten_beyond_the_limit():
     history = History(state_with(0), limit=3)
     for n in range(1, 6):

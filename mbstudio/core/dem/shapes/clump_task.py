@@ -96,7 +96,9 @@ def nearest_sphere(
 
 
 @njit(cache=True, nogil=True)
-def _nearest_sphere(points, centers, radii, owner, best):  # pragma: no cover - compiled
+def _nearest_sphere(
+    points: np.ndarray, centers: np.ndarray, radii: np.ndarray, owner: np.ndarray, best: np.ndarray
+) -> None:
     for p in range(len(points)):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
         smallest = np.inf
@@ -118,7 +120,8 @@ def spread_over(
     picks = np.searchsorted(ends, (np.arange(count) + rng.random(count)) / count * ends[-1])
     picks = np.minimum(picks, len(faces) - 1)
     r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    return (1 - r) * a[picks] + r * (1 - s) * b[picks] + r * s * c[picks]
+    points: np.ndarray = (1 - r) * a[picks] + r * (1 - s) * b[picks] + r * s * c[picks]
+    return points
 
 
 def bare_points(

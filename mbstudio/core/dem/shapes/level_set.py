@@ -56,7 +56,8 @@ class LevelSet:
             (inside.sum(axis=tuple({0, 1, 2} - {axis})) * np.arange(inside.shape[axis])).sum()
             for axis in range(3)
         ]
-        return self.origin + self.spacing * np.array(sums) / inside.sum()
+        center: np.ndarray = self.origin + self.spacing * np.array(sums) / inside.sum()
+        return center
 
     def _inside(self) -> Float[np.ndarray, "x y z"]:
         return np.clip(0.5 - np.asarray(self.values, dtype=float) / self.spacing, 0.0, 1.0)

@@ -104,7 +104,7 @@ def flip_edges(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 
 
 @njit(cache=True, nogil=True)
-def _independent(pairs, face_count):  # pragma: no cover - compiled
+def _independent(pairs: np.ndarray, face_count: int) -> np.ndarray:
     taken = np.zeros(face_count, dtype=np.bool_)
     chosen = np.zeros(len(pairs), dtype=np.bool_)
     for e in range(len(pairs)):
@@ -115,7 +115,7 @@ def _independent(pairs, face_count):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _normal(p, q, r):  # pragma: no cover - compiled
+def _normal(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
     return np.array(
         [
             (q[1] - p[1]) * (r[2] - p[2]) - (q[2] - p[2]) * (r[1] - p[1]),
@@ -126,14 +126,15 @@ def _normal(p, q, r):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _turns_too_far(before, after):  # pragma: no cover - compiled
+def _turns_too_far(before: np.ndarray, after: np.ndarray) -> bool:
     dot = before[0] * after[0] + before[1] * after[1] + before[2] * after[2]
     lengths = np.sqrt((before**2).sum() * (after**2).sum())
-    return dot <= _FLATTEST_FOLD * lengths
+    too_far: bool = dot <= _FLATTEST_FOLD * lengths
+    return too_far
 
 
 @njit(cache=True, nogil=True)
-def _smallest_angle(p, q, r):  # pragma: no cover - compiled
+def _smallest_angle(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
     smallest = np.pi
     for corner in range(3):
         if corner == 0:
@@ -149,12 +150,15 @@ def _smallest_angle(p, q, r):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _opposite(face, a, b):  # pragma: no cover - compiled
-    return face[0] + face[1] + face[2] - a - b
+def _opposite(face: np.ndarray, a: int, b: int) -> int:
+    corner: int = face[0] + face[1] + face[2] - a - b
+    return corner
 
 
 @njit(cache=True, nogil=True)
-def _flip(vertices, faces, edges, pairs, keys):  # pragma: no cover - compiled
+def _flip(
+    vertices: np.ndarray, faces: np.ndarray, edges: np.ndarray, pairs: np.ndarray, keys: np.ndarray
+) -> None:
     locked = np.zeros(len(vertices), dtype=np.bool_)
     for e in range(len(edges)):
         a, b = edges[e, 0], edges[e, 1]
@@ -182,7 +186,16 @@ def _flip(vertices, faces, edges, pairs, keys):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _collapse(vertices, faces, alive, edges, pairs, starts, around, longest):  # pragma: no cover - compiled
+def _collapse(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    alive: np.ndarray,
+    edges: np.ndarray,
+    pairs: np.ndarray,
+    starts: np.ndarray,
+    around: np.ndarray,
+    longest: float,
+) -> None:
     locked = np.zeros(len(vertices), dtype=np.bool_)
     seen = np.full(len(vertices), -1, dtype=np.int64)
     for e in range(len(edges)):
@@ -207,8 +220,19 @@ def _collapse(vertices, faces, alive, edges, pairs, starts, around, longest):  #
 
 @njit(cache=True, nogil=True)
 def _may_collapse(
-    vertices, faces, a, b, pair, middle, starts, around, longest, locked, seen, mark
-):  # pragma: no cover
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    a: int,
+    b: int,
+    pair: np.ndarray,
+    middle: np.ndarray,
+    starts: np.ndarray,
+    around: np.ndarray,
+    longest: float,
+    locked: np.ndarray,
+    seen: np.ndarray,
+    mark: int,
+) -> bool:
     shared = 0
     for i in range(starts[a], starts[a + 1]):
         face = faces[around[i]]

@@ -17,12 +17,14 @@ def random_quaternions(count: int, rng: np.random.Generator) -> Float[np.ndarray
     Source: Shoemake (1992), Uniform random rotations, Graphics Gems III.
     """
     vectors = rng.normal(size=(count, 4))
-    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+    units: np.ndarray = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+    return units
 
 
 def rotations_of(quaternions: Float[np.ndarray, "count 4"]) -> Float[np.ndarray, "count 3 3"]:
     """Return the matrices of quaternions (w, x, y, z)."""
-    return Rotation.from_quat(np.asarray(quaternions)[:, [1, 2, 3, 0]]).as_matrix()
+    matrices: np.ndarray = Rotation.from_quat(np.asarray(quaternions)[:, [1, 2, 3, 0]]).as_matrix()
+    return matrices
 
 
 def lattice(count: int, half: float, low: float, reach: float) -> Float[np.ndarray, "count 3"]:
@@ -102,5 +104,6 @@ def _free_place(
         squares = sum((tries[:, axis, None] - placed[None, :, axis]) ** 2 for axis in range(3))
         free = np.flatnonzero((squares > (placed[None, :, 3] + radius) ** 2).all(axis=1))
         if len(free):
-            return tries[free[0]]
+            place: np.ndarray = tries[free[0]]
+            return place
     return None

@@ -193,7 +193,8 @@ def draw_sizes(curve: SizeDistribution, count: int, rng: np.random.Generator) ->
     wanted = (np.arange(count) + rng.random(count)) / count * ends[-1]
     segment = np.clip(np.searchsorted(ends, wanted, side="right") - 1, 0, len(numbers) - 1)
     share = (wanted - ends[segment]) / numbers[segment]
-    return (low[segment] ** -3 - share * (low[segment] ** -3 - high[segment] ** -3)) ** (-1 / 3)
+    sizes: np.ndarray = (low[segment] ** -3 - share * (low[segment] ** -3 - high[segment] ** -3)) ** (-1 / 3)
+    return sizes
 
 
 def in_classes(specimen: Specimen, classes: int) -> Specimen:
@@ -233,7 +234,8 @@ def _shares_of(names: Sequence[str], shares: Mapping[str, float]) -> Float[np.nd
     values = np.array([shares.get(name, 0.0) if shares else 1.0 for name in names], dtype=float)
     if not np.isfinite(values).all() or values.min() < 0 or values.sum() <= 0:
         raise ExportError("The shares of the avatars must be positive numbers, or zero, but not all.")
-    return values / values.sum()
+    normalised: np.ndarray = values / values.sum()
+    return normalised
 
 
 def _spread_kinds(
@@ -252,7 +254,9 @@ def _spread_kinds(
 def _half_width(radii: Float[np.ndarray, " count"], width: float | None, factor: float) -> float:
     largest = float(radii.max())
     if width is None:
-        return max(0.5 * float((4 / 3 * np.pi * radii**3).sum() / 0.12 / 2.0) ** (1 / 3), 2.5 * largest)
+        volume = float((4 / 3 * np.pi * radii**3).sum())
+        loose: float = 0.5 * (volume / 0.12 / 2.0) ** (1 / 3)
+        return max(loose, 2.5 * largest)
     half = width * factor / 2
     if half <= largest:
         raise ExportError(

@@ -49,7 +49,7 @@ _TOUCHING, _SHARING, _EIGHTEEN, _FACES = _neighbourhood_tables()
 
 
 @njit(cache=True, nogil=True)
-def _grown(seed, allowed, adjacent):  # pragma: no cover - compiled
+def _grown(seed: int, allowed: int, adjacent: np.ndarray) -> int:
     """Return the bits of `allowed` that are joined to `seed`."""
     reached = front = seed
     while front:
@@ -63,7 +63,7 @@ def _grown(seed, allowed, adjacent):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def is_simple(solid, z, y, x):  # pragma: no cover - compiled
+def is_simple(solid: np.ndarray, z: int, y: int, x: int) -> bool:
     """Tell whether changing a voxel keeps the topology of a solid joined through corners (26, 6).
 
     So it is if its solid neighbours are one group, and the empty ones that share a face with it are
@@ -84,7 +84,7 @@ def is_simple(solid, z, y, x):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _warp(solid, cells):  # pragma: no cover - compiled
+def _warp(solid: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Flip `cells` of `solid` in their order, again and again, where simple; return which are left."""
     left = np.ones(len(cells), np.bool_)
     changed = True
@@ -116,7 +116,8 @@ def differing_cells(
     where = np.argwhere(body != other)
     where = where[((where > 0) & (where < np.array(body.shape) - 1)).all(axis=1)]
     where = where[np.argsort(np.abs(distance[tuple(where.T)]), kind="stable")]
-    return where[_warp(body.copy(), where)]
+    left: np.ndarray = where[_warp(body.copy(), where)]
+    return left
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +181,8 @@ def topology_errors(control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain
         plugs.append(cells[depth[tuple(cells.T)].argmax()])
 
     def places(cells: np.ndarray) -> np.ndarray:
-        return cells.reshape(-1, 3)[:, ::-1] * prepared.spacing + prepared.origin
+        points: np.ndarray = cells.reshape(-1, 3)[:, ::-1] * prepared.spacing + prepared.origin
+        return points
 
     return TopologyErrors(
         holes=places(np.argwhere(near & body & ((depth > 0.25 * prepared.voxel) | critical))),

@@ -16,7 +16,7 @@ _SUMMED = 1536
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def field_of_rows(points, control, out):  # pragma: no cover - compiled
+def field_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write f at points (rows, float32) for control points (rows, float32)."""
     total, n = points.shape[1], control.shape[1]
     for start in range(0, total, _CHUNK):
@@ -33,7 +33,7 @@ def field_of_rows(points, control, out):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def steepness_of_rows(points, control, out):  # pragma: no cover - compiled
+def steepness_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write |grad f| / f at points."""
     total, n = points.shape[1], control.shape[1]
     f, gx, gy, gz = (
@@ -63,7 +63,7 @@ def steepness_of_rows(points, control, out):  # pragma: no cover - compiled
 # Strict arithmetic: with fast-math flags a few calls in a hundred thousand, with the same numbers in
 # arrays elsewhere in memory, rounded differently, and a fit was not repeatable to the last bit.
 @njit(cache=True, nogil=True, error_model="numpy")
-def curvature_of_rows(points, control, out):  # pragma: no cover - compiled
+def curvature_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write twice the mean curvature of the level of f through each point, positive where convex."""
     n = control.shape[1]
     acc = np.empty((10, _CHUNK), np.float32)
@@ -101,7 +101,7 @@ def curvature_of_rows(points, control, out):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def jacobian_of_rows(points, control, factor, out):  # pragma: no cover - compiled
+def jacobian_of_rows(points: np.ndarray, control: np.ndarray, factor: np.ndarray, out: np.ndarray) -> None:
     """Write d(row)/d(parameter) as out[parameter, point], for rows with derivative `factor` by f."""
     total, n = points.shape[1], control.shape[1]
     for start in range(0, total, _CHUNK):
@@ -123,7 +123,7 @@ def jacobian_of_rows(points, control, factor, out):  # pragma: no cover - compil
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def weighted_sums_of_rows(rows, weights, out):  # pragma: no cover - compiled
+def weighted_sums_of_rows(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
     """Write the sum of each row times `weights` (its first places), in double precision."""
     for a in range(rows.shape[0]):
         row, total = rows[a], 0.0
@@ -133,7 +133,18 @@ def weighted_sums_of_rows(rows, weights, out):  # pragma: no cover - compiled
 
 
 @njit(inline="always")
-def _tile(a0, a1, a2, a3, b0, b1, b2, b3, count, zero):  # pragma: no cover - compiled
+def _tile(
+    a0: np.ndarray,
+    a1: np.ndarray,
+    a2: np.ndarray,
+    a3: np.ndarray,
+    b0: np.ndarray,
+    b1: np.ndarray,
+    b2: np.ndarray,
+    b3: np.ndarray,
+    count: int,
+    zero: float | np.float32,
+) -> tuple[float | np.float32, ...]:
     """Return the 16 dot products of four rows with four others, over their first `count` places."""
     s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = zero
     s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = zero
@@ -160,7 +171,9 @@ def _tile(a0, a1, a2, a3, b0, b1, b2, b3, count, zero):  # pragma: no cover - co
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - compiled
+def add_normal_matrix(
+    rows: np.ndarray, residual: np.ndarray, matrix: np.ndarray, gradient: np.ndarray
+) -> None:
     """Add J J^T to the lower triangle of `matrix` and J r to `gradient`, J = rows [parameter, point].
 
     Tiles of 4 x 4 parameters keep 16 sums in registers; each sums at most `_SUMMED` products in single
@@ -211,7 +224,9 @@ def add_normal_matrix(rows, residual, matrix, gradient):  # pragma: no cover - c
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def solve_damped(matrix, damping, gradient, factor, step):  # pragma: no cover - compiled
+def solve_damped(
+    matrix: np.ndarray, damping: np.ndarray, gradient: np.ndarray, factor: np.ndarray, step: np.ndarray
+) -> bool:
     """Solve (matrix + diag(damping)) step = -gradient by Cholesky; return whether it is positive definite.
 
     `matrix` is used in its lower triangle; its size is a multiple of 4. `factor` is working space.

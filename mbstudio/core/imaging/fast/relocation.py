@@ -31,7 +31,7 @@ _MOST_OFFSET = 0.05  # that a control point moves to make up for those taken awa
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _solve_lower(factor, columns):  # pragma: no cover - compiled
+def _solve_lower(factor: np.ndarray, columns: np.ndarray) -> None:
     """Solve factor x = columns in place, 32 columns at a time."""
     size, total = columns.shape
     part = np.empty((size, 32))
@@ -150,7 +150,8 @@ def _most_useful(
 
 
 def _symmetric(lower: np.ndarray) -> np.ndarray:
-    return np.tril(lower) + np.tril(lower, -1).T
+    symmetric: np.ndarray = np.tril(lower) + np.tril(lower, -1).T
+    return symmetric
 
 
 def _products(rows: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -133,7 +133,7 @@ class PaperOptions(OptionRecord, owner="method 'paper'", error=FitError):
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def _parameter_gradient(points, slope, control, out):  # pragma: no cover - compiled
+def _parameter_gradient(points: np.ndarray, slope: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write sum over points of slope * df/d(x, y, z, k) of each control point; rows as in `control`."""
     n, total = control.shape[1], points.shape[1]
     for i in range(n):

@@ -73,7 +73,7 @@ def cluster_to_the_letter(
 
 
 @njit(cache=True, nogil=True)
-def _zero_ball(left, iz, iy, ix, square, spacing):  # pragma: no cover - compiled
+def _zero_ball(left: np.ndarray, iz: int, iy: int, ix: int, square: float, spacing: np.ndarray) -> None:
     nz, ny, nx = left.shape
     radius = np.sqrt(square)
     rz, ry, rx = int(radius / spacing[2]) + 1, int(radius / spacing[1]) + 1, int(radius / spacing[0]) + 1
@@ -86,7 +86,7 @@ def _zero_ball(left, iz, iy, ix, square, spacing):  # pragma: no cover - compile
 
 
 @njit(cache=True, nogil=True)
-def _row_maxima(distance, best, place):  # pragma: no cover - compiled
+def _row_maxima(distance: np.ndarray, best: np.ndarray, place: np.ndarray) -> None:
     nz, ny, nx = distance.shape
     for iz in range(nz):
         for iy in range(ny):
@@ -97,7 +97,17 @@ def _row_maxima(distance, best, place):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _take_ball(distance, best, place, iz, iy, ix, radius, spacing, least):  # pragma: no cover - compiled
+def _take_ball(
+    distance: np.ndarray,
+    best: np.ndarray,
+    place: np.ndarray,
+    iz: int,
+    iy: int,
+    ix: int,
+    radius: float,
+    spacing: np.ndarray,
+    least: float,
+) -> None:
     """Lower the distance of every voxel to its distance from the new sphere's surface."""
     nz, ny, nx = distance.shape
     # Beyond twice the largest free radius the new sphere cannot be the nearest surface.

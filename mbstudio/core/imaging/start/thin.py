@@ -32,7 +32,9 @@ GAP = 1.7
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _local_radii(depth, order, spacing, cover, radius):  # pragma: no cover - compiled
+def _local_radii(
+    depth: np.ndarray, order: np.ndarray, spacing: np.ndarray, cover: float, radius: np.ndarray
+) -> None:
     """Write the radius of the largest sphere within `cover` of whose radii a voxel lies; deepest first."""
     nz, ny, nx = depth.shape
     # Spheres are taken one radius apart: near enough to leave no voxel of a sheet's faces uncovered.
@@ -57,7 +59,9 @@ def _local_radii(depth, order, spacing, cover, radius):  # pragma: no cover - co
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _farthest(places, radii, first, chosen, reach, gap):  # pragma: no cover - compiled
+def _farthest(
+    places: np.ndarray, radii: np.ndarray, first: int, chosen: np.ndarray, reach: np.ndarray, gap: float
+) -> int:
     """Choose places, each the farthest (in radii) from those before; return how many until `gap`."""
     total = places.shape[0]
     nearest = np.full(total, np.inf)

@@ -118,11 +118,13 @@ def _even(base: np.ndarray, count: int) -> float:
             low = middle
         else:
             high = middle
-    return 0.5 * (low + high)
+    root: float = 0.5 * (low + high)
+    return root
 
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
-    return np.where(x >= 0, 1.0, np.exp(np.minimum(x, 0.0))) / (1.0 + np.exp(-np.abs(x)))
+    values: np.ndarray = np.where(x >= 0, 1.0, np.exp(np.minimum(x, 0.0))) / (1.0 + np.exp(-np.abs(x)))
+    return values
 
 
 def _dual(

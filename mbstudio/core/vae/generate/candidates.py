@@ -139,7 +139,8 @@ def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] |
         return None
     # Growing must not make the clone larger than it was drawn.
     scale = np.cbrt(volume / float(found.volumes[0])) if volume else 1.0
-    return mended * np.array([scale, scale, scale, scale**2])[:, None]
+    scaled: np.ndarray = mended * np.array([scale, scale, scale, scale**2])[:, None]
+    return scaled
 
 
 def examined(

@@ -85,7 +85,8 @@ def nearest_others(radii: Float[np.ndarray, "bodies 144"]) -> Float64[np.ndarray
     """Return the distance of each body to its nearest other, from their ln r in 144 directions."""
     distances = novelty_distances(radii, radii)
     np.fill_diagonal(distances, np.inf)
-    return distances.min(axis=1)
+    nearest: np.ndarray = distances.min(axis=1)
+    return nearest
 
 
 def nearest_to(
@@ -178,4 +179,5 @@ def flip_invariants(radii: Float[np.ndarray, "bodies 144"]) -> Float64[np.ndarra
     families = radii.reshape(len(radii), 8, -1)
     parts = np.einsum("fp,bfd->bpd", character(np.arange(8)), families) / 8.0
     parts[:, 1:] = np.abs(parts[:, 1:])
-    return parts.reshape(len(radii), -1)
+    descriptors: np.ndarray = parts.reshape(len(radii), -1)
+    return descriptors

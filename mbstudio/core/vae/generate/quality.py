@@ -266,7 +266,8 @@ def _correlation_matrix(values: Float[np.ndarray, "bodies 6"]) -> Float64[np.nda
     away = values - values.mean(axis=0)
     length = np.linalg.norm(away, axis=0)
     scaled = away / np.where(length > 0, length, np.inf)
-    return scaled.T @ scaled
+    correlations: np.ndarray = scaled.T @ scaled
+    return correlations
 
 
 def _floors(

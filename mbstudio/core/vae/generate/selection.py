@@ -146,7 +146,8 @@ def novelty_rows(
     if len(among_parents) < _FEWEST_FOR_QUANTILES:
         return np.empty((len(distances), 0))
     edges = np.quantile(among_parents, _NOVELTY_SHARES)
-    return (distances[:, None] <= edges) - np.array(_NOVELTY_SHARES)
+    excess: np.ndarray = (distances[:, None] <= edges) - np.array(_NOVELTY_SHARES)
+    return excess
 
 
 def parental_inclusion(

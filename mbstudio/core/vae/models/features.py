@@ -34,7 +34,8 @@ def character(parity: Int[np.ndarray, "..."] | int) -> Float64[np.ndarray, "8 ..
     """
     parity = np.asarray(parity, dtype=np.int64)
     common = np.arange(8).reshape(8, *[1] * parity.ndim) & parity[None]
-    return 1.0 - 2.0 * ((common ^ common >> 1 ^ common >> 2) & 1)
+    signs: np.ndarray = 1.0 - 2.0 * ((common ^ common >> 1 ^ common >> 2) & 1)
+    return signs
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +97,8 @@ class Scaler:
         inside = np.interp(log_sizes, self.log_sizes, self.scores)
         below = np.minimum(log_sizes - self.log_sizes[0], 0.0)
         above = np.maximum(log_sizes - self.log_sizes[-1], 0.0)
-        return inside + low * below + high * above
+        scores: np.ndarray = inside + low * below + high * above
+        return scores
 
     def sizes_of_scores(self, scores: Float[np.ndarray, " sizes"]) -> Float64[np.ndarray, " sizes"]:
         """Return ln D_n of normal scores."""
@@ -104,7 +106,8 @@ class Scaler:
         inside = np.interp(scores, self.scores, self.log_sizes)
         below = np.minimum(scores - self.scores[0], 0.0)
         above = np.maximum(scores - self.scores[-1], 0.0)
-        return inside + below / low + above / high
+        log_sizes: np.ndarray = inside + below / low + above / high
+        return log_sizes
 
     @property
     def width(self) -> int:
@@ -190,7 +193,8 @@ def flipped_vectors(
     flip: int,
 ) -> Float64[np.ndarray, "avatars width"]:
     """Return vectors of the avatars flipped by one flip; `table` of :meth:`Scaler.flip_table`."""
-    return vectors[:, table[0][flip]] * table[1][flip]
+    flipped: np.ndarray = vectors[:, table[0][flip]] * table[1][flip]
+    return flipped
 
 
 def parity_parts(

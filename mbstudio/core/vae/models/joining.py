@@ -21,7 +21,7 @@ _HALVINGS = 12
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _heaviest(control, group):  # pragma: no cover - compiled
+def _heaviest(control: np.ndarray, group: np.ndarray) -> np.intp:
     weights = np.zeros(len(group))
     for i in range(len(group)):
         weights[group[i]] += control[3, i]
@@ -29,14 +29,14 @@ def _heaviest(control, group):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _groups_by_lines(control):  # pragma: no cover - compiled
+def _groups_by_lines(control: np.ndarray) -> np.ndarray:
     group = np.arange(control.shape[1])
     join_by_lines(control, group, _SAMPLES)
     return group
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _draw_in(control, group):  # pragma: no cover - compiled
+def _draw_in(control: np.ndarray, group: np.ndarray) -> None:
     """Draw groups of control points to the heaviest one, each just as far as joins it."""
     n = control.shape[1]
     for _ in range(n):

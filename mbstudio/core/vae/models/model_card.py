@@ -77,7 +77,8 @@ class ModelCard:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the card as what JSON can hold; numbers that are none become null."""
-        return _without_nan(asdict(self))
+        card: dict[str, Any] = _without_nan(asdict(self))
+        return card
 
     @classmethod
     def from_dict(cls, entries: dict[str, Any]) -> ModelCard:

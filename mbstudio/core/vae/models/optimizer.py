@@ -49,7 +49,7 @@ class Parameters:
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         if self.clip is not None:
             torch.nn.utils.clip_grad_norm_(self.tensors.values(), self.clip)
         self.optimizer.step()

@@ -57,11 +57,13 @@ class PrincipalComponents:
 
     def scores(self, vectors: Float[np.ndarray, "avatars width"]) -> Float64[np.ndarray, "avatars latents"]:
         """Return the scores of vectors."""
-        return (vectors - self.mean) @ self.components.T
+        scores: np.ndarray = (vectors - self.mean) @ self.components.T
+        return scores
 
     def vectors(self, scores: Float[np.ndarray, "avatars latents"]) -> Float64[np.ndarray, "avatars width"]:
         """Return the vectors of scores."""
-        return self.mean + scores @ self.components
+        vectors: np.ndarray = self.mean + scores @ self.components
+        return vectors
 
 
 def principal_components(

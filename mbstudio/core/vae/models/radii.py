@@ -55,7 +55,7 @@ def direction_exchange(in_octant: int = _IN_OCTANT) -> Int[np.ndarray, "8 direct
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outermost(control, along, out):  # pragma: no cover - compiled
+def _outermost(control: np.ndarray, along: np.ndarray, out: np.ndarray) -> None:
     places, squares = np.empty(control.shape[2]), np.empty(control.shape[2])
     start = np.empty(3)
     for a in range(control.shape[0]):
@@ -101,7 +101,8 @@ def outermost_radii(
 
 def log_radii(avatars: Serialization) -> Float64[np.ndarray, "avatars 144"]:
     """Return ln r, r in D_n, of each avatar in the 144 directions."""
-    return np.log(outermost_radii(avatars.centers, avatars.log_weights))
+    logs: np.ndarray = np.log(outermost_radii(avatars.centers, avatars.log_weights))
+    return logs
 
 
 def surface_rms(
@@ -155,4 +156,5 @@ def novelty_distances(
         other = parents[:, exchange]
         square = np.square(clones).sum(1)[:, None] + np.square(other).sum(1)[None] - 2.0 * clones @ other.T
         np.minimum(nearest, square, out=nearest)
-    return np.sqrt(np.maximum(nearest, 0.0) / clones.shape[1])
+    distances: np.ndarray = np.sqrt(np.maximum(nearest, 0.0) / clones.shape[1])
+    return distances

@@ -169,7 +169,8 @@ def even_normals(count: int, d: int, rng: np.random.Generator) -> Float64[np.nda
     intervals of equal probability.
     """
     places = rng.permuted(np.tile(np.arange(count)[:, None], (1, d)), axis=0)
-    return ndtri((places + rng.uniform(0.0, 1.0, (count, d))).clip(1e-12) / max(count, 1))
+    normal: np.ndarray = ndtri((places + rng.uniform(0.0, 1.0, (count, d))).clip(1e-12) / max(count, 1))
+    return normal
 
 
 def _normals(count: int, d: int, rng: np.random.Generator) -> Float64[np.ndarray, "count d"]:

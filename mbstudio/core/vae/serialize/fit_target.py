@@ -124,4 +124,5 @@ def surface_points(
     over = a + b > 1
     a[over], b[over] = 1 - a[over], 1 - b[over]
     first, second, third = corners[face].transpose(1, 0, 2)
-    return first + a[:, None] * (second - first) + b[:, None] * (third - first)
+    points: np.ndarray = first + a[:, None] * (second - first) + b[:, None] * (third - first)
+    return points

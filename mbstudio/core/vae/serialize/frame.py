@@ -42,11 +42,13 @@ class PrincipalFrame:
 
     def shape_points(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
         """Return points of the body's own frame in the principal frame, in D_n."""
-        return (np.asarray(points) - self.center) @ self.axes / self.diameter
+        local: np.ndarray = (np.asarray(points) - self.center) @ self.axes / self.diameter
+        return local
 
     def body_points(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
         """Return points of the principal frame (in D_n) in the body's own frame and unit."""
-        return np.asarray(points) @ self.axes.T * self.diameter + self.center
+        world: np.ndarray = np.asarray(points) @ self.axes.T * self.diameter + self.center
+        return world
 
 
 def name_of(body: Body, place: int) -> str:

@@ -102,7 +102,8 @@ class TemplateFit(Refinement):
         super().__init__(prepared, start, settings)
 
     def _drift(self, control: np.ndarray) -> np.ndarray:
-        return np.concatenate([np.log(control[3]), control[:3].ravel()]) - self._held
+        moved: np.ndarray = np.concatenate([np.log(control[3]), control[:3].ravel()]) - self._held
+        return moved
 
     def _cost(self, control: np.ndarray) -> tuple[float, Residuals]:
         cost, rows = super()._cost(control)
@@ -136,7 +137,10 @@ def _stiffness_in(
     turn = np.zeros((4, 4))
     turn[0, 0] = unit_length / WEIGHT_SCALE
     turn[1:, 1:] = axes.T / PLACE_SCALE
-    return np.einsum("ai,anbm,bj->injm", turn, blocks, turn, optimize=True).reshape(4 * n, 4 * n)
+    turned: np.ndarray = np.einsum("ai,anbm,bj->injm", turn, blocks, turn, optimize=True).reshape(
+        4 * n, 4 * n
+    )
+    return turned
 
 
 def start_of(

@@ -85,7 +85,9 @@ def _of_star(
 
 
 @njit(cache=True, nogil=True)
-def _integrals_and_slopes(points, along, faces):  # pragma: no cover - compiled
+def _integrals_and_slopes(
+    points: np.ndarray, along: np.ndarray, faces: np.ndarray
+) -> tuple[float, float, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return volume, area, first and second moments of a closed mesh, and what each radius changes."""
     count = len(points)
     volume = area = 0.0
@@ -128,7 +130,9 @@ def _integrals_and_slopes(points, along, faces):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _by_points(control, along, radii, by_radii, out):  # pragma: no cover - compiled
+def _by_points(
+    control: np.ndarray, along: np.ndarray, radii: np.ndarray, by_radii: np.ndarray, out: np.ndarray
+) -> None:
     """Add to `out`, shape (rows, 4 n + 1), the derivatives by centers and ln k of what radii change."""
     n, rows = control.shape[1], by_radii.shape[0]
     slopes = np.empty((4, n))

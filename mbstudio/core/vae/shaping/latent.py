@@ -70,7 +70,10 @@ def noisy(
     values, vectors = np.linalg.eigh(_covariance(learner))
     # Of no length in directions in which the parents do not differ.
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return here + sigma * np.random.default_rng(seed).standard_normal((count, len(here))) @ root.T
+    latents: np.ndarray = (
+        here + sigma * np.random.default_rng(seed).standard_normal((count, len(here))) @ root.T
+    )
+    return latents
 
 
 def aligned_to(
@@ -111,7 +114,8 @@ def interpolated(
         )
     start = checked_latent(learner, first)
     way = aligned_to(learner, start, second) - start
-    return start + alpha[:, None] * way
+    latents: np.ndarray = start + alpha[:, None] * way
+    return latents
 
 
 def morphed(
@@ -166,7 +170,8 @@ def blended(
         raise StyleError(f"{len(vectors)} grains need as many finite weights, not {list(weights)}.")
     alike = np.stack([vectors[0], *(aligned_to(learner, vectors[0], other) for other in vectors[1:])])
     mean = mean_latent(learner)
-    return mean + share @ (alike - mean)
+    blend: np.ndarray = mean + share @ (alike - mean)
+    return blend
 
 
 def projected(learner: StyleLearner, bodies: Sequence[Body]) -> Float64[np.ndarray, "bodies d"]:
@@ -202,7 +207,8 @@ def is_far_outside(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> bo
 def clamped(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Float64[np.ndarray, " d"]:
     """Return the latent vector with every variable no farther from the parents' mean than is reasonable."""
     mean, most = mean_latent(learner), farthest(learner)
-    return np.clip(checked_latent(learner, latent), mean - most, mean + most)
+    clipped: np.ndarray = np.clip(checked_latent(learner, latent), mean - most, mean + most)
+    return clipped
 
 
 def deviations(learner: StyleLearner) -> Float64[np.ndarray, " d"]:
@@ -241,14 +247,16 @@ class LatentMap:
 
     def places(self, latents: Float[np.ndarray, "grains d"]) -> Float64[np.ndarray, "grains 2"]:
         """Return where latent vectors lie on the map."""
-        return (np.asarray(latents) - self.mean) @ self.read
+        places: np.ndarray = (np.asarray(latents) - self.mean) @ self.read
+        return places
 
     def latent_at(
         self, place: Float[np.ndarray, "2"], base: Float[np.ndarray, " d"] | None = None
     ) -> Float64[np.ndarray, " d"]:
         """Return the latent vector at a place; what the map does not show is the base's, or the mean's."""
         start = self.mean if base is None else np.asarray(base, dtype=np.float64)
-        return start + (np.asarray(place) - self.places(start[None])[0]) @ self.axes
+        latent: np.ndarray = start + (np.asarray(place) - self.places(start[None])[0]) @ self.axes
+        return latent
 
 
 def latent_map(learner: StyleLearner) -> LatentMap:

@@ -203,7 +203,8 @@ def _random(
 
 def _between(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
     first, second = (np.asarray(given[key], dtype=np.float64) for key in ("a", "b"))
-    return by_hand.interpolated(learner, first, second, [float(given["share"])])[0]
+    latent: np.ndarray = by_hand.interpolated(learner, first, second, [float(given["share"])])[0]
+    return latent
 
 
 def _sum(

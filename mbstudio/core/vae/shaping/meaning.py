@@ -122,7 +122,8 @@ class Meanings:
 
     def units(self, factors: Float[np.ndarray, "... 5"]) -> Float64[np.ndarray, "... 5"]:
         """Return factors in standard deviations about the parents' mean."""
-        return (factors - self.mean) / self.deviation
+        standard: np.ndarray = (factors - self.mean) / self.deviation
+        return standard
 
     def moved(
         self, latent: Float[np.ndarray, " d"], steps: Mapping[str, float], *, corrections: int = _ROUNDS
@@ -274,7 +275,8 @@ class Meanings:
     def _within_reach(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
         """Return a goal no farther out than the parents, or than the start lies already."""
         low, high = self.units(self.reach)
-        return np.clip(goal, np.minimum(low, start), np.maximum(high, start))
+        reachable: np.ndarray = np.clip(goal, np.minimum(low, start), np.maximum(high, start))
+        return reachable
 
     def _nearest_parents(self, goal: np.ndarray, slack: np.ndarray) -> list[np.ndarray]:
         away = np.square((self.units(self.known) - goal) / slack).sum(axis=1)
@@ -366,6 +368,7 @@ def added(
     second = aligned_to(learner, first, minus)
     way = strength * (first - second)
     if meanings is None:
-        return here + way
+        there: np.ndarray = here + way
+        return there
     ours, theirs = meanings.units(meanings.factors(np.stack([first, second])))
     return meanings.as_told(here, way, strength * np.asarray(ours - theirs))

@@ -58,7 +58,8 @@ def roughness(avatars: Serialization) -> Float64[np.ndarray, " avatars"]:
     Form, roundness and texture are matters of scale (Barrett 1980). What is coarser than degree 5 tells on
     sphericity too, so that grains can be rougher at the same form and sphericity.
     """
-    return np.sqrt(np.square(departures(log_radii(avatars))).mean(axis=1))
+    rms: np.ndarray = np.sqrt(np.square(departures(log_radii(avatars))).mean(axis=1))
+    return rms
 
 
 def departures(logs: Float[np.ndarray, "avatars 144"]) -> Float64[np.ndarray, "avatars 144"]:
@@ -127,7 +128,7 @@ def share_of_sphere() -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def _integrals(points, faces):  # pragma: no cover - compiled
+def _integrals(points: np.ndarray, faces: np.ndarray) -> tuple[float, float, np.ndarray]:
     """Return volume, area and central second moments of a closed mesh."""
     volume = area = 0.0
     first, second = np.zeros(3), np.zeros((3, 3))
