@@ -29,7 +29,8 @@ def nominal_diameters(volumes: float | NDArray[np.float64]) -> np.float64 | NDAr
     It can differ from the power in :func:`nominal_diameter` by the last bit. Serialized styles and what is
     computed from them rest on this one, fits and measurements of single bodies on that one.
     """
-    return np.cbrt(_cubed_nominal_diameter(volumes))  # type: ignore[no-any-return]
+    diameters: np.float64 | NDArray[np.float64] = np.cbrt(_cubed_nominal_diameter(volumes))
+    return diameters
 
 
 def _cubed_nominal_diameter(volume: Any) -> Any:
@@ -38,7 +39,8 @@ def _cubed_nominal_diameter(volume: Any) -> Any:
 
 def sphericity(volume: float, area: float) -> float:
     """Return Wadell's sphericity: area of the sphere of the same volume over the body's area."""
-    return math.pi ** (1.0 / 3.0) * (6.0 * volume) ** (2.0 / 3.0) / area
+    ratio: float = math.pi ** (1.0 / 3.0) * (6.0 * volume) ** (2.0 / 3.0) / area
+    return ratio
 
 
 def sphericity_of_diameter(diameter: float, area: float) -> float:
@@ -115,4 +117,5 @@ def sheppard_ratio(inscribed: Number, dn: Number) -> Number:
 
 def _cube_root(value: Number) -> Number:
     """Return the cube root: of one number as a power, of many by np.cbrt (see :func:`nominal_diameters`)."""
-    return np.cbrt(value) if isinstance(value, np.ndarray) else value ** (1.0 / 3.0)  # type: ignore[return-value]
+    root: Number = np.cbrt(value) if isinstance(value, np.ndarray) else value ** (1.0 / 3.0)
+    return root
