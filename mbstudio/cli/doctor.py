@@ -90,6 +90,7 @@ def memory_gib() -> float | None:
 
 
 def version_of(package: str) -> str | None:
+    """Return the version of an installed package, None if it is not there."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:

@@ -275,7 +275,6 @@ def summarise(
     grains: GrainSet, fits: dict[int, FitResult], failures: dict[int, str], seconds: float
 ) -> dict[str, Any]:
     """Return the figures of a batch: how many, how true, how long."""
-
     from mbstudio.core.formulas import nominal_diameter
     from mbstudio.core.imaging.goals.target import FitTarget
 

@@ -59,10 +59,12 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result,
 
 
 def is_project(path: Path) -> bool:
+    """Return whether a file is a project, by its ending."""
     return path.suffix.lower() == PROJECT_ENDING
 
 
 def is_mesh(path: Path) -> bool:
+    """Return whether a file is a surface mesh, by its ending."""
     return path.suffix.lower() in MESH_ENDINGS
 
 

@@ -76,7 +76,7 @@ def _root(parents: np.ndarray, label: int) -> int:
 
 
 @numba.njit(cache=True, nogil=True)
-def _flood(
+def _flood(  # noqa: C901 - compiled, one loop over the neighbours
     landscape: np.ndarray, order: np.ndarray, labels: np.ndarray, splitting: float, least_depth: float
 ) -> np.ndarray:
     """Flood the voxels in order; return the parents that merge the basins' first labels."""

@@ -122,7 +122,6 @@ class Grain:
         UnitError
             If the voxel size cannot be understood.
         """
-
         return grain_from_mask(
             mask,
             voxel_size,
@@ -168,7 +167,6 @@ class Grain:
         GrainError
             If the resolution is too coarse for the mesh.
         """
-
         return grain_from_mesh(mesh, resolution, unit, name)
 
     def surface_mesh(self) -> trimesh.Trimesh:

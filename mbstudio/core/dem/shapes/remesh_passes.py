@@ -219,7 +219,7 @@ def _collapse(
 
 
 @njit(cache=True, nogil=True)
-def _may_collapse(
+def _may_collapse(  # noqa: C901 - one loop over two fans of triangles, compiled
     vertices: np.ndarray,
     faces: np.ndarray,
     a: int,

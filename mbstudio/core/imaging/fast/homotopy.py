@@ -27,8 +27,11 @@ _CENTRE = 13  # of the 27 voxels of a neighbourhood, in raster order
 
 
 def _neighbourhood_tables() -> tuple[np.ndarray, np.ndarray, int, int]:
-    """Return bit sets of a voxel's 26 neighbours: those that touch each one at all, those that share
-    a face with it within the 18 nearest, these 18, and the 6 that share a face with the voxel."""
+    """Return bit sets of a voxel's 26 neighbours.
+
+    Those that touch each one at all, those that share a face with it within the 18 nearest, these 18, and the
+    6 that share a face with the voxel.
+    """
     offsets = np.array([(z, y, x) for z in (-1, 0, 1) for y in (-1, 0, 1) for x in (-1, 0, 1)])
     far = np.abs(offsets).sum(axis=1)
     touching, sharing = np.zeros(27, np.int64), np.zeros(27, np.int64)

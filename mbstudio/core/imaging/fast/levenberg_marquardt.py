@@ -224,7 +224,7 @@ def add_normal_matrix(
 
 
 @njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
-def solve_damped(
+def solve_damped(  # noqa: C901 - compiled, in blocks for the cache
     matrix: np.ndarray, damping: np.ndarray, gradient: np.ndarray, factor: np.ndarray, step: np.ndarray
 ) -> bool:
     """Solve (matrix + diag(damping)) step = -gradient by Cholesky; return whether it is positive definite.

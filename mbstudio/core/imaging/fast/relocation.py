@@ -145,8 +145,8 @@ def _most_useful(
     chosen = _pursue(gram.copy(), down.copy(), own, count)
     weights = -np.linalg.solve(gram[np.ix_(chosen, chosen)], down[chosen])
     depth = search.depth_of(places[:, chosen])
-    new = np.vstack([places[:, chosen], np.clip(weights, (_SMALLEST * depth) ** 2, (_LARGEST * depth) ** 2)])
-    return new
+    weights = np.clip(weights, (_SMALLEST * depth) ** 2, (_LARGEST * depth) ** 2)
+    return np.vstack([places[:, chosen], weights])
 
 
 def _symmetric(lower: np.ndarray) -> np.ndarray:
