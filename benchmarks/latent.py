@@ -25,8 +25,8 @@ from mbstudio.core.metrics.star_factors import STAR_FACTORS, star_factors
 from mbstudio.core.vae.models.radii import log_radii
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import learn
-from mbstudio.core.vae.shaping.latent import morphed, noisy
-from mbstudio.core.vae.shaping.meaning import Meanings, added
+from mbstudio.core.vae.shaping.latent import add_noise, morph
+from mbstudio.core.vae.shaping.meaning import Meanings, add_difference
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
 BASES, SUMS, DESIGNS = 20, 60, 60
@@ -56,11 +56,11 @@ def noise_and_morphs(learner: StyleLearner, rows: np.ndarray, rng: np.random.Gen
     for row in rows:
         here = learner.latents[row]
         away = [
-            distances(learner, np.stack([here, noisy(learner, here, sigma, seed=5)[0]]))[0]
+            distances(learner, np.stack([here, add_noise(learner, here, sigma, seed=5)[0]]))[0]
             for sigma in SIGMAS
         ]
         growing.append(bool((np.diff(away) > 0).all()))
-        way = morphed(learner, here, learner.latents[rng.integers(len(learner.parents))], 11)
+        way = morph(learner, here, learner.latents[rng.integers(len(learner.parents))], 11)
         steps = distances(learner, way)
         ratios.append(steps.max() / max(float(steps.mean()), 1e-12))
         ways.append(way)
@@ -79,7 +79,9 @@ def meanings_found(meanings: Meanings, rows: np.ndarray, corrections: int = 8) -
         follows, slopes, ends = [], [], []
         for row in rows:
             here = learner.latents[row]
-            ways = np.stack([meanings.moved(here, {name: step}, corrections=corrections) for step in STEPS])
+            ways = np.stack(
+                [meanings.move_along(here, {name: step}, corrections=corrections) for step in STEPS]
+            )
             units = meanings.units(meanings.factors(ways))
             follows.append(np.corrcoef(STEPS, units[:, place])[0, 1])
             slopes.append(np.polyfit(STEPS, units, 1)[0])
@@ -123,7 +125,7 @@ def sums(meanings: Meanings, rng: np.random.Generator) -> Figures:
         right, ends = np.zeros(len(MEANINGS)), []
         for first, second, base in triples:
             plus, minus, third = learner.latents[[first, second, base]]
-            moved = added(learner, third, plus, minus, 1.0, meanings=told)
+            moved = add_difference(learner, third, plus, minus, 1.0, meanings=told)
             units = meanings.units(meanings.factors(np.stack([plus, minus, third, moved])))
             right += np.sign(units[0] - units[1]) == np.sign(units[3] - units[2])
             ends.append(moved)
@@ -146,7 +148,7 @@ def designs(meanings: Meanings, rng: np.random.Generator) -> Figures:
         ("parents", inside[rng.choice(len(inside), DESIGNS)]),
         ("apart", rng.uniform(low, high, (DESIGNS, 2))),
     ):
-        made = [meanings.designed({"csf": csf, "sphericity": round_}) for csf, round_ in wanted]
+        made = [meanings.design({"csf": csf, "sphericity": round_}) for csf, round_ in wanted]
         met = np.array([design.residual < WITHIN for design in made])
         possible = np.array([design.is_possible(WITHIN) for design in made])
         found |= {
@@ -168,7 +170,7 @@ def run(population: str, cache: str, preset: str, seed: int) -> Figures:
     rng = np.random.default_rng([seed, 1])
     rows = rng.choice(len(parents), BASES, replace=False)
     found = noise_and_morphs(learner, rows, rng)
-    meanings = Meanings.of(learner)
+    meanings = Meanings.measure(learner)
     found |= meanings_found(meanings, rows) | boxes_of_parents(meanings)
     found |= sums(meanings, rng) | designs(meanings, rng)
     return found | {"seconds": time.process_time() - begun}

@@ -23,8 +23,8 @@ from mbstudio.core.metaball.surface import sample_solid, volume_and_area
 from mbstudio.core.metaball.topology import topology
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import learn
-from mbstudio.core.vae.shaping.latent import interpolated
-from mbstudio.core.vae.shaping.latent_recipe import Operation, carried_out
+from mbstudio.core.vae.shaping.latent import interpolate
+from mbstudio.core.vae.shaping.latent_recipe import Operation, carry_out
 from mbstudio.core.vae.shaping.live_grain import live_grain, quick_surface
 from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
@@ -45,8 +45,8 @@ def tabulate(learner: StyleLearner, count: int) -> None:
     """Print the table of one learner."""
     rng = np.random.default_rng(11)
     pairs = learner.latents[rng.choice(len(learner.latents), (count, 2))]
-    vectors = np.stack([interpolated(learner, a, b, [0.5])[0] for a, b in pairs])
-    meanings = Meanings.of(learner)
+    vectors = np.stack([interpolate(learner, a, b, [0.5])[0] for a, b in pairs])
+    meanings = Meanings.measure(learner)
     slid = Operation("reach", {"meaning": "csf", "to": -1.0})
 
     def control(z: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def tabulate(learner: StyleLearner, count: int) -> None:
         ("all that a live grain shows, 48 cells", lambda z: live_grain(learner, z, 48)),
         ("all that a live grain shows, 80 cells", lambda z: live_grain(learner, z, 80)),
         ("all that a live grain shows, 96 cells", lambda z: live_grain(learner, z, 96)),
-        ("step along a meaning", lambda z: carried_out(learner, z, slid, meanings)),
+        ("step along a meaning", lambda z: carry_out(learner, z, slid, meanings)),
     ):
         median, slow = milliseconds(work, vectors)
         print(f"| {title} | {median:.1f} | {slow:.1f} |")

@@ -23,7 +23,7 @@ from grain_kinds import cobble
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.vae.serialize.serialization import Serialization, serialization_arrays, serialization_of
+from mbstudio.core.vae.serialize.serialization import Serialization, build_serialization, serialization_arrays
 
 DATA = Path(__file__).resolve().parent.parent / ".." / "shared" / "data"
 
@@ -182,7 +182,7 @@ def load_parents(folder: str | Path, name: str) -> Parents:
         {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
         for prefix in ("avatar_", "true_")
     ]
-    held = serialization_of(arrays, name) if "centers" in arrays else None
+    held = build_serialization(arrays, name) if "centers" in arrays else None
     return Parents(held, groups[0], groups[1], float(arrays["seconds"]))
 
 

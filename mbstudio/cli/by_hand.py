@@ -39,7 +39,7 @@ class ByHand:
         """The meaning directions of the learner."""
         from mbstudio.core.vae.shaping.meaning import Meanings
 
-        return Meanings.of(self.learner)
+        return Meanings.measure(self.learner)
 
     def latent(self, name: str) -> np.ndarray:
         """Return the latent vector of a grain."""
@@ -67,7 +67,7 @@ class ByHand:
     def _of_file(self, path: Path) -> np.ndarray:
         from mbstudio.core.dem.formats.metaball import read_metaball
         from mbstudio.core.vae.serialize.mesh_folder import read_mesh
-        from mbstudio.core.vae.shaping.latent import projected
+        from mbstudio.core.vae.shaping.latent import project_bodies
 
         body: Body
         if inputs.is_mesh(path):
@@ -75,7 +75,7 @@ class ByHand:
             mesh.units, mesh.metadata["name"] = self._unit or self.learner.unit, path.stem
         else:
             body = read_metaball(path)
-        latent: np.ndarray = projected(self.learner, [body])[0]
+        latent: np.ndarray = project_bodies(self.learner, [body])[0]
         return latent
 
     def _of_table(self, path: Path, name: str) -> np.ndarray:
@@ -91,7 +91,7 @@ class ByHand:
         return self._of_this_size(path, vector)
 
     def _of_recipe(self, path: Path, name: str) -> np.ndarray:
-        from mbstudio.core.vae.shaping.latent_recipe import recipe_of, style_digest
+        from mbstudio.core.vae.shaping.latent_recipe import read_recipe, style_digest
 
         try:
             records = json.loads(path.read_text(encoding="utf-8"))
@@ -99,7 +99,7 @@ class ByHand:
             raise StyleError(
                 f"{path} cannot be read as recipes ({error}): give a recipes.json that mbstudio wrote."
             ) from error
-        recipes = [recipe_of(record) for record in (records if isinstance(records, list) else [])]
+        recipes = [read_recipe(record) for record in (records if isinstance(records, list) else [])]
         found = next((recipe for recipe in recipes if recipe.name == name), None)
         if found is None:
             known = ", ".join(recipe.name for recipe in recipes) or "none"
@@ -127,29 +127,29 @@ class ByHand:
 
     def interpolated(self, first: str, second: str, steps: int) -> np.ndarray:
         """Return a morph."""
-        from mbstudio.core.vae.shaping.latent import morphed
+        from mbstudio.core.vae.shaping.latent import morph
 
-        return morphed(self.learner, self.latent(first), self.latent(second), steps)
+        return morph(self.learner, self.latent(first), self.latent(second), steps)
 
     def added(self, base: str, plus: str, minus: str, strength: float) -> np.ndarray:
         """Return a grain with what makes one differ from another."""
-        from mbstudio.core.vae.shaping.meaning import added
+        from mbstudio.core.vae.shaping.meaning import add_difference
 
         third, first, second = (self.latent(name) for name in (base, plus, minus))
-        return added(self.learner, third, first, second, strength, meanings=self.meanings)[None]
+        return add_difference(self.learner, third, first, second, strength, meanings=self.meanings)[None]
 
     def blended(self, parts: list[str]) -> np.ndarray:
         """Return a weighted sum of grains, each as NAME=WEIGHT."""
-        from mbstudio.core.vae.shaping.latent import blended
+        from mbstudio.core.vae.shaping.latent import blend
 
         weights = [_number(part, "a grain with a weight: write for example 12=0.5") for part in parts]
-        return blended(self.learner, self.taken([name for name, _ in weights]), [w for _, w in weights])[None]
+        return blend(self.learner, self.taken([name for name, _ in weights]), [w for _, w in weights])[None]
 
     def varied(self, name: str, sigma: float, count: int) -> np.ndarray:
         """Return variations of a grain."""
-        from mbstudio.core.vae.shaping.latent import noisy
+        from mbstudio.core.vae.shaping.latent import add_noise
 
-        return noisy(self.learner, self.latent(name), sigma, self._seed, count)
+        return add_noise(self.learner, self.latent(name), sigma, self._seed, count)
 
     def moved(self, name: str, by: list[str]) -> np.ndarray:
         """Return a grain moved along meanings; tell where it could not follow."""
@@ -162,7 +162,7 @@ class ByHand:
                 "--move needs a distance: give for example --by csf=-1 (standard deviations of the parents)."
             )
         here, steps = self.latent(name), numbers(by)
-        moved = self.meanings.moved(here, steps)
+        moved = self.meanings.move_along(here, steps)
         before, after = self.meanings.units(self.meanings.factors(np.stack([here, moved])))
         for meaning, step in steps.items():
             went = float((after - before)[MEANINGS.index(meaning)])
@@ -173,9 +173,9 @@ class ByHand:
                 )
         return moved[None]
 
-    def designed(self, targets: list[str]) -> np.ndarray:
+    def design(self, targets: list[str]) -> np.ndarray:
         """Return a grain of given factors."""
-        found = self.meanings.designed(numbers(targets), tolerance=_TOLERANCE)
+        found = self.meanings.design(numbers(targets), tolerance=_TOLERANCE)
         if found.residual > _TOLERANCE:
             raise StyleError(_refusal(found, " ".join(targets)))
         return found.latent[None]

@@ -207,10 +207,10 @@ def choose_kept(
     ExportError
         If there is none, or none of a name.
     """
-    from mbstudio.core.vae.shaping.kept_grain import of_style, to_export
+    from mbstudio.core.vae.shaping.kept_grain import prepare_export, select_style
 
     style = project.state.style
-    kept = of_style(project.state.kept, style)
+    kept = select_style(project.state.kept, style)
     if style is None or not kept:
         there = len(project.state.kept)
         raise ExportError(
@@ -224,7 +224,7 @@ def choose_kept(
     for name in wanted:
         if name not in known:
             raise ExportError(f"{source} has no kept grain '{name}': choose from {', '.join(known)}.")
-    return to_export(style, [known[name] for name in wanted] or kept)
+    return prepare_export(style, [known[name] for name in wanted] or kept)
 
 
 def _plan(

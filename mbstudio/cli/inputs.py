@@ -153,12 +153,12 @@ def grains_of_mesh(grain: Grain) -> GrainSet:
     """Return the set of one grain that was made of a mesh, so that a project can hold it."""
     import numpy as np
 
-    from mbstudio.core.grains.labelling import grain_set_of
+    from mbstudio.core.grains.labelling import build_grain_set
 
     # A margin of one voxel: the grain is whole, no border cuts it off.
     labels = np.pad(grain.mask.astype(np.int32), 1)
     x, y, z = (float(place - edge) for place, edge in zip(grain.origin, grain.voxel_size.xyz, strict=True))
-    return grain_set_of(labels, grain.voxel_size, (x, y, z))
+    return build_grain_set(labels, grain.voxel_size, (x, y, z))
 
 
 def require_project_output(path: Path) -> Path:

@@ -114,7 +114,7 @@ def latent(
     elif move:
         latents, what, recipe = work.moved(move, by or []), "moved", f"{move} moved by {' '.join(by or [])}"
     elif design:
-        latents, what, recipe = work.designed(design), "design", f"designed for {' '.join(design)}"
+        latents, what, recipe = work.design(design), "design", f"designed for {' '.join(design)}"
     else:
         assert take is not None
         latents, what, recipe = work.taken(take), "grain", f"{', '.join(take)} rebuilt"
@@ -132,13 +132,13 @@ def _finish(
 
     from mbstudio.core.dem import export
     from mbstudio.core.metaball.topology import topology
-    from mbstudio.core.vae.shaping.latent import clamped, is_far_outside
+    from mbstudio.core.vae.shaping.latent import clamp, is_far_outside
 
     digits = len(str(len(latents)))
     names = tuple(f"{what}_{i + 1:0{digits}d}" for i in range(len(latents)))
     outside = [is_far_outside(learner, latent) for latent in latents]
     if any(outside) and not beyond:
-        latents = np.stack([clamped(learner, latent) for latent in latents])
+        latents = np.stack([clamp(learner, latent) for latent in latents])
         console.tell(
             f"mbstudio: {', '.join(np.array(names)[outside])} would be farther out than any parent: held "
             "at the limit of their range (--beyond lifts it)."

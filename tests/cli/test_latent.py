@@ -13,7 +13,7 @@ from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.vae.models.style_learner import load_style_learner
 from mbstudio.core.vae.models.training import learn
 from mbstudio.core.vae.shaping.kept_grain import measured
-from mbstudio.core.vae.shaping.latent import clamped, farthest, mean_latent
+from mbstudio.core.vae.shaping.latent import farthest, mean_latent
 from mbstudio.core.vae.shaping.latent_recipe import Recipe, style_digest
 from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
 from tests.core.vae.boxes import boxes
@@ -152,7 +152,7 @@ def test_what_lies_far_outside_is_held_unless_it_may(mbstudio, style, tmp_path):
     assert "farther out than any parent" in ran.err
     assert json.loads(ran.out)["held_at_their_range"] == 1
     held = pd.read_csv(tmp_path / "held" / "latents.csv").filter(regex=r"^z\d+$").to_numpy()[0]
-    np.testing.assert_allclose(held, clamped(learner, far))
+    np.testing.assert_allclose(held, clamp(learner, far))
     ran = mbstudio("latent", style, *take, tmp_path / "free", "--beyond")
     if ran.code == 0:
         assert json.loads(ran.out)["far_outside_the_parents"] == 1

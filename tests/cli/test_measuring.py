@@ -25,7 +25,7 @@ from mbstudio.core.project import Project
 def one_flat(fitted_project, monkeypatch):
     """The project's labels, of which the second grain cannot be measured."""
     from mbstudio.core.grains import Grain
-    from mbstudio.core.populations import worker
+    from mbstudio.core.populations import measuring as library
 
     labels = sorted(Project.open(fitted_project).fits)
 
@@ -34,7 +34,7 @@ def one_flat(fitted_project, monkeypatch):
             raise MeasureError("the grain is flat")
         return measure(body, **options)
 
-    monkeypatch.setattr(worker, "measure", fail_for_one)
+    monkeypatch.setattr(library, "measure", fail_for_one)
     return labels
 
 

@@ -200,7 +200,7 @@ def learner():
 
 @pytest.fixture(scope="session")
 def meanings(learner):
-    return Meanings.of(learner)
+    return Meanings.measure(learner)
 
 
 @pytest.fixture

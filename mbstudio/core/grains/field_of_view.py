@@ -77,13 +77,13 @@ def find_field_of_view(voxels: Shaped[np.ndarray, "Z Y X"]) -> FieldOfView:
     # A cylinder lies in a box seen from the side, too: the axis along which most is unseen is its own.
     best = FieldOfView(0, np.ones((ny, nx), dtype=bool), (nz, ny, nx))
     for axis, unseen in enumerate((along_z, along_y, along_x)):
-        footprint = _seen(unseen)
+        footprint = _find_cross_section(unseen)
         if footprint is not None and footprint.mean() < best.footprint.mean():
             best = FieldOfView(axis, footprint, (nz, ny, nx))
     return best
 
 
-def _seen(unseen: Bool[np.ndarray, "a b"]) -> Bool[np.ndarray, "a b"] | None:
+def _find_cross_section(unseen: Bool[np.ndarray, "a b"]) -> Bool[np.ndarray, "a b"] | None:
     """Return the cross-section that is seen, None if it makes no field of view."""
     from skimage.morphology import convex_hull_image
 

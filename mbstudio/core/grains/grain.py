@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from mbstudio.core.errors import GrainError, GrainWarning, MeshError, UnitError
 from mbstudio.core.formulas import nominal_diameter
-from mbstudio.core.grains.pieces import bounding_box, pieces_of, without_cavities
+from mbstudio.core.grains.pieces import bounding_box, label_pieces, without_cavities
 from mbstudio.core.grains.voxelisation import voxelise
 from mbstudio.core.units import VoxelSize, parse_unit
 
@@ -202,8 +202,8 @@ def grain_from_mask(
     if keep not in ("error", "largest"):
         raise ValueError(f"keep='{keep}' is not known: use 'error' or 'largest'.")
     size = VoxelSize.parse(voxel_size, unit)
-    inside = _boolean(np.asarray(mask), name)
-    pieces, counts = pieces_of(inside)
+    inside = _as_booleans(np.asarray(mask), name)
+    pieces, counts = label_pieces(inside)
     if len(counts) > 1:
         if keep == "error":
             raise GrainError(
@@ -232,7 +232,7 @@ def grain_from_mask(
     return Grain(inside, size, place, label, touches_border, name, filled_voxels=cavity)
 
 
-def _boolean(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
+def _as_booleans(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
     """Return the mask as booleans; GrainError unless it is 3-D, two-valued and not empty."""
     if mask.ndim != 3 or 0 in mask.shape:
         raise GrainError(
@@ -266,12 +266,12 @@ def grain_from_mesh(
         raise GrainError(
             f"resolution={resolution} is impossible: give a whole number of voxels from 4 to 2000."
         )
-    body, source = _loaded(mesh)
+    body, source = _load_mesh(mesh)
     unit = unit or body.units
     if not unit:
         raise UnitError(f"{source} does not contain its unit: give unit, for example unit='mm'.")
     unit = parse_unit(unit)
-    body = _closed(body, source)
+    body = _close_mesh(body, source)
     low, high = body.bounds
     edge = float((high - low).max()) / int(resolution)
     counts = np.maximum(np.ceil((high - low) / edge - 1e-9).astype(int), 1)
@@ -283,7 +283,7 @@ def grain_from_mesh(
         raise GrainError(
             f"{source} is too thin for a resolution of {resolution} voxels: raise the resolution."
         )
-    _, sizes = pieces_of(inside)
+    _, sizes = label_pieces(inside)
     if len(sizes) > 1:
         lost = 1 - sizes.max() / sizes.sum()
         warnings.warn(
@@ -299,7 +299,7 @@ def grain_from_mesh(
     return grain_from_mask(without_cavities(inside), size, origin=origin, keep="largest", name=title)
 
 
-def _loaded(mesh: str | Path | trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
+def _load_mesh(mesh: str | Path | trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
     """Return the mesh, its equal corners merged, and what to call it in messages."""
     import trimesh
 
@@ -319,7 +319,7 @@ def _loaded(mesh: str | Path | trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
     return body, str(path)
 
 
-def _closed(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
+def _close_mesh(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
     """Return the mesh with outward normals; MeshError unless it is one closed body."""
     if not np.isfinite(mesh.vertices).all():
         raise MeshError(f"{source} has vertices that are not finite numbers: export it again.")

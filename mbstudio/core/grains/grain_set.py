@@ -49,7 +49,7 @@ class GrainSet:
 
     def __getitem__(self, index: int) -> Grain:
         """Return the grain in row `index` of the table."""
-        return self._grain_of_row(self.table.iloc[index])
+        return self._cut_out(self.table.iloc[index])
 
     def __iter__(self) -> Iterator[Grain]:
         return (self[index] for index in range(len(self)))
@@ -61,14 +61,14 @@ class GrainSet:
             raise GrainError(
                 f"There is no grain {label}: the labels run from 1 to {int(self.table['label'].max())}."
             )
-        return self._grain_of_row(self.table.iloc[int(rows[0])], fill_cavities)
+        return self._cut_out(self.table.iloc[int(rows[0])], fill_cavities)
 
     @property
     def interior_labels(self) -> list[int]:
         """Labels of the grains that do not touch the border."""
         return [int(label) for label in self.table.loc[~self.table["touches_border"], "label"]]
 
-    def _grain_of_row(self, row: pd.Series, fill_cavities: bool = True) -> Grain:
+    def _cut_out(self, row: pd.Series, fill_cavities: bool = True) -> Grain:
         """Cut the grain out of the label volume; what other labels fill inside it is its own if filled."""
         label = int(row["label"])
         box = tuple(slice(int(row[f"{axis}0"]), int(row[f"{axis}1"])) for axis in "zyx")

@@ -14,8 +14,8 @@ from jaxtyping import Int
 from mbstudio.core.errors import GrainWarning, SegmentationError
 from mbstudio.core.grains.field_of_view import find_field_of_view
 from mbstudio.core.grains.grain_set import GrainSet
-from mbstudio.core.grains.labelling import box_of, grain_set_of, statistics
-from mbstudio.core.grains.pieces import pieces_of
+from mbstudio.core.grains.labelling import build_grain_set, statistics, widened_box
+from mbstudio.core.grains.pieces import label_pieces
 from mbstudio.core.scan.opening import open_scan
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
@@ -58,7 +58,7 @@ def load_labels(
     UnitError
         If the voxel size is not known.
     """
-    image, size, origin, name = _image(source, scan, voxel_size, unit)
+    image, size, origin, name = _read_image(source, scan, voxel_size, unit)
     labels = _whole_numbers(image, name)
     if scan is not None and labels.shape != scan.shape:
         raise SegmentationError(
@@ -80,10 +80,10 @@ def load_labels(
         numbered = cc3d.connected_components(numbered, connectivity=26, out_dtype=np.uint32).astype(np.int32)
     _keep_largest_pieces(numbered, name)
     view: FieldOfView | None = find_field_of_view(scan.load()) if scan is not None else None
-    return grain_set_of(numbered, size, origin, view.rim if view is not None else None)
+    return build_grain_set(numbered, size, origin, view.rim if view is not None else None)
 
 
-def _image(
+def _read_image(
     source: str | Path | np.ndarray,
     scan: Scan | None,
     voxel_size: str | float | Sequence[float] | VoxelSize | None,
@@ -128,9 +128,9 @@ def _keep_largest_pieces(labels: Int[np.ndarray, "Z Y X"], name: str) -> None:
     _, boxes, _, _ = statistics(labels)
     broken, dropped = 0, 0
     for label, row in enumerate(boxes, start=1):
-        part = labels[box_of(row)]
+        part = labels[widened_box(row)]
         inside = part == label
-        pieces, sizes = pieces_of(inside)
+        pieces, sizes = label_pieces(inside)
         if len(sizes) > 1:
             part[inside & (pieces != 1 + int(sizes.argmax()))] = 0
             broken += 1

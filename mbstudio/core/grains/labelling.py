@@ -11,7 +11,7 @@ from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.units import VoxelSize
 
 
-def grain_set_of(
+def build_grain_set(
     labels: Int[np.ndarray, "Z Y X"],
     voxel_size: VoxelSize,
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -91,7 +91,7 @@ def _gather(
                     cut[label] |= z == 0 or y == 0 or x == 0 or z == nz - 1 or y == ny - 1 or x == nx - 1
 
 
-def box_of(row: Int[np.ndarray, "6"], margin: int = 0) -> tuple[slice, slice, slice]:
+def widened_box(row: Int[np.ndarray, "6"], margin: int = 0) -> tuple[slice, slice, slice]:
     """Return a bounding box as slices, widened by a margin (cut at zero)."""
     z0, z1, y0, y1, x0, x1 = (int(value) for value in row)
     return (
@@ -101,7 +101,7 @@ def box_of(row: Int[np.ndarray, "6"], margin: int = 0) -> tuple[slice, slice, sl
     )
 
 
-def kept_and_numbered(labels: Int[np.ndarray, "Z Y X"], keep: Bool[np.ndarray, "n"]) -> int:
+def renumber_kept(labels: Int[np.ndarray, "Z Y X"], keep: Bool[np.ndarray, "n"]) -> int:
     """Drop the labels 1..n that are not kept and number the others 1..N in place; return N."""
     numbers = np.zeros(len(keep) + 1, labels.dtype)
     numbers[1:][keep] = np.arange(1, int(keep.sum()) + 1)
@@ -115,7 +115,7 @@ def fill_label_cavities(labels: Int[np.ndarray, "Z Y X"]) -> int:
     _, boxes, _, _ = statistics(labels)
     filled_voxels = 0
     for label, row in enumerate(boxes, start=1):
-        part = labels[box_of(row)]
+        part = labels[widened_box(row)]
         inside = part == label
         filled = fill_voids.fill(inside).astype(bool)
         gained = filled & (part == 0)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 
-def pieces_of(mask: Bool[np.ndarray, "Z Y X"]) -> tuple[Int[np.ndarray, "Z Y X"], Int[np.ndarray, "n"]]:
+def label_pieces(mask: Bool[np.ndarray, "Z Y X"]) -> tuple[Int[np.ndarray, "Z Y X"], Int[np.ndarray, "n"]]:
     """Return the 26-connected pieces, numbered from 1, and their numbers of voxels."""
     pieces, count = cc3d.connected_components(np.ascontiguousarray(mask), connectivity=26, return_N=True)
     return pieces, np.bincount(pieces.ravel(), minlength=count + 1)[1:]
@@ -16,7 +16,7 @@ def pieces_of(mask: Bool[np.ndarray, "Z Y X"]) -> tuple[Int[np.ndarray, "Z Y X"]
 
 def largest_piece(mask: Bool[np.ndarray, "Z Y X"]) -> Bool[np.ndarray, "Z Y X"]:
     """Return the largest 26-connected piece of a mask that is not empty."""
-    pieces, sizes = pieces_of(mask)
+    pieces, sizes = label_pieces(mask)
     return mask if len(sizes) == 1 else pieces == 1 + int(sizes.argmax())
 
 

@@ -23,11 +23,11 @@ from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
 from mbstudio.core.grains.flooding import split_by_necks
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.labelling import (
-    box_of,
+    build_grain_set,
     fill_label_cavities,
-    grain_set_of,
-    kept_and_numbered,
+    renumber_kept,
     statistics,
+    widened_box,
 )
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
@@ -141,14 +141,14 @@ def segment(
     fill_label_cavities(labels)
     if settings.drop_border:
         _, _, _, cut = statistics(labels, view.rim)
-        count = kept_and_numbered(labels, ~cut)
+        count = renumber_kept(labels, ~cut)
     if not count:
         raise SegmentationError(
             f"No grains were found in {scan.path or 'the scan'} above the grey value {threshold:g}: "
             "check the threshold, the smallest grain, and whether grains at the border are dropped."
         )
     tell(0.97, "Making the table")
-    grains = grain_set_of(labels, scan.voxel_size, scan.origin, view.rim)
+    grains = build_grain_set(labels, scan.voxel_size, scan.origin, view.rim)
     tell(1.0, f"{len(grains):,} grains")
     return grains
 
@@ -284,7 +284,7 @@ def _settle_fragments(labels: Int[np.ndarray, "Z Y X"], smallest_voxels: int) ->
     keep = np.ones(len(voxels), dtype=bool)
     cross = ndimage.generate_binary_structure(3, 3)
     for label in np.flatnonzero(small) + 1:
-        part = labels[box_of(boxes[label - 1], margin=1)]
+        part = labels[widened_box(boxes[label - 1], margin=1)]
         inside = part == label
         around = part[ndimage.binary_dilation(inside, cross) & ~inside]
         around = around[around > 0]
@@ -292,4 +292,4 @@ def _settle_fragments(labels: Int[np.ndarray, "Z Y X"], smallest_voxels: int) ->
         if len(around):
             part[inside] = np.bincount(around).argmax()
         keep[label - 1] = False
-    return kept_and_numbered(labels, keep)
+    return renumber_kept(labels, keep)

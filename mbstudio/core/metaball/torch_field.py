@@ -4,6 +4,19 @@ Each function takes points and control points as tensors of one floating type on
 Results can be differentiated with respect to points, centers and weights; those of iterations
 (projection, closest points, ray hits) by the implicit function theorem, so that no iteration is
 recorded. The numpy kernels of this package are the faster ones on a processor without gradients.
+
+Examples
+--------
+How the distances of points to an avatar's surface change with its control points:
+
+>>> from mbstudio.core.metaball import Avatar, torch_field
+>>> avatar = Avatar([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0.4, 0.4], "mm")
+>>> centers, weights = torch_field.avatar_tensors(avatar, dtype=torch.float64)
+>>> points = torch.tensor([[0.5, 2.0, 0.0]], dtype=torch.float64)
+>>> _, distance = torch_field.closest_points(points, centers.requires_grad_(), weights)
+>>> distance.sum().backward()
+>>> (centers.grad[:, 1] < 0).tolist()  # points nearer to y = 2 make the gap smaller
+[True, True]
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def compare(
     _require_alike(reference, other)
     names = factors or [name for name in reference.factors if name in other.factors]
     return {
-        name: _compared(name, reference, other, by)
+        name: _compare_factor(name, reference, other, by)
         for name in names
         if len(reference.values(name)) and len(other.values(name))
     }
@@ -133,7 +133,7 @@ def _require_alike(reference: Population, other: Population) -> None:
             )
 
 
-def _compared(name: str, reference: Population, other: Population, by: Weighting) -> FactorComparison:
+def _compare_factor(name: str, reference: Population, other: Population, by: Weighting) -> FactorComparison:
     from scipy.stats import wasserstein_distance
 
     values = reference.values(name), other.values(name)

@@ -112,11 +112,11 @@ def measure_population(
         first: str | None = bodies.unit
     else:
         given = list(bodies)
-        chosen = _labels_of(given) if labels is None else [int(label) for label in labels]
+        chosen = _own_labels(given) if labels is None else [int(label) for label in labels]
         if len(chosen) != len(given):
             raise MeasureError(f"{len(given)} bodies have {len(chosen)} labels: give one to each.")
         makers = [given_body(body) for body in given]
-        first = unit or _unit_of(given)
+        first = unit or _common_unit(given)
     (population,) = measure_together(
         [Bodies(name or kind, kind, chosen, makers)], unit=unit or first, axes=axes, surface=surface,
         detail=detail, workers=workers, progress=progress,
@@ -175,12 +175,12 @@ def given_body(body: Body) -> Callable[[], Body]:
     return lambda: body
 
 
-def _labels_of(bodies: Sequence[Body]) -> list[int]:
+def _own_labels(bodies: Sequence[Body]) -> list[int]:
     own = [getattr(body, "label", None) for body in bodies]
     return [place if label is None else int(label) for place, label in enumerate(own)]
 
 
-def _unit_of(bodies: Sequence[Body]) -> str | None:
+def _common_unit(bodies: Sequence[Body]) -> str | None:
     units = [getattr(body, "unit", None) or getattr(body, "units", None) for body in bodies]
     if any(units) and not all(units):
         raise MeasureError(

@@ -31,6 +31,6 @@ def read_kept(group: h5py.Group) -> tuple[KeptGrain, ...]:
     StyleError, KeyError, ValueError
         If they are damaged.
     """
-    from mbstudio.core.vae.shaping.kept_grain import kept_of
+    from mbstudio.core.vae.shaping.kept_grain import read_kept_grain
 
-    return tuple(kept_of(json.loads(text)) for text in group["entries"].asstr()[:])
+    return tuple(read_kept_grain(json.loads(text)) for text in group["entries"].asstr()[:])

@@ -46,7 +46,7 @@ def read_style(group: h5py.Group, path: Path) -> StyleLearner:
     StyleError, KeyError, TypeError, ValueError
         If it is damaged.
     """
-    from mbstudio.core.vae.models.style_learner import FORMAT, learner_of
+    from mbstudio.core.vae.models.style_learner import FORMAT, build_learner
 
     if int(group.attrs["format"]) > FORMAT:
         raise ProjectError(
@@ -54,7 +54,7 @@ def read_style(group: h5py.Group, path: Path) -> StyleLearner:
         )
     tensors = {name: group[name][()] for name in group if isinstance(group[name], h5py.Dataset)}
     tensors.pop("entries")
-    return learner_of(_read_json(group, "entries"), tensors, path)
+    return build_learner(_read_json(group, "entries"), tensors, path)
 
 
 def write_clones(group: h5py.Group, clones: Generation) -> None:
@@ -86,12 +86,12 @@ def read_clones(group: h5py.Group, path: Path) -> Generation:
     """
     from mbstudio.core.vae.generate.generation import Counts, Generation
     from mbstudio.core.vae.generate.targets import Reached
-    from mbstudio.core.vae.serialize.serialization import serialization_of
+    from mbstudio.core.vae.serialize.serialization import build_serialization
 
     entries = _read_json(group, "entries")
     arrays = {name: _read_array(group["avatars"][name]) for name in group["avatars"]}
     return Generation(
-        serialization_of(arrays, str(path)), _read_array(group["latents"]), _read_array(group["parents"]),
+        build_serialization(arrays, str(path)), _read_array(group["latents"]), _read_array(group["parents"]),
         _read_factors(group["factors"]) if "factors" in group else None,
         Counts(**entries["counts"]), str(entries["how"]), float(entries["effective"]),
         tuple(Reached(**figure) for figure in entries["reached"]), int(entries["seed"]),

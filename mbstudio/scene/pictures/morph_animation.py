@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from mbstudio.core.vae.models.style_learner import StyleLearner
-from mbstudio.core.vae.shaping.latent import morphed
+from mbstudio.core.vae.shaping.latent import morph
 from mbstudio.scene.pictures.animation import animation_file, require_writer
 from mbstudio.scene.pictures.thumbnails import seen_reach, thumbnail
 from mbstudio.scene.theme import SceneTheme, rgb
@@ -57,7 +57,7 @@ def write_morph(
         If the ending is another, or nothing here can write it.
     """
     require_writer(path)
-    avatars = learner.decode(morphed(learner, first, second, steps)).avatars()
+    avatars = learner.decode(morph(learner, first, second, steps)).avatars()
     reach = max(seen_reach(avatar) for avatar in avatars)
     frames = []
     for place, avatar in enumerate(avatars):

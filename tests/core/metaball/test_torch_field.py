@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import doctest
+
 import numpy as np
 import pytest
 import torch
@@ -136,3 +138,12 @@ def test_rays_that_miss_are_infinite_and_do_not_spoil_derivatives() -> None:
     assert torch.isinf(t[1])
     t[0].backward()
     assert torch.isfinite(centers.grad).all()
+
+
+def test_the_example_is_right_and_the_module_is_found_by_its_package() -> None:
+    import mbstudio.core.metaball as package
+
+    assert package.torch_field is torch_field
+    assert "torch_field" in package.__all__
+    found = doctest.testmod(torch_field)
+    assert (found.failed, found.attempted > 0) == (0, True)

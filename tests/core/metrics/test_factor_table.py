@@ -20,7 +20,7 @@ from mbstudio.core.metrics.factor_table import AXES, LATENT_MEANINGS
 from mbstudio.core.metrics.measuring import AxisConvention
 from mbstudio.core.metrics.star_factors import STAR_FACTORS
 from mbstudio.core.populations import measure_population
-from mbstudio.core.vae.generate.candidates import examined
+from mbstudio.core.vae.generate.candidates import examine_all
 from mbstudio.core.vae.generate.targets import parse_targets
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from tests.core.vae.boxes import boxes
@@ -111,7 +111,7 @@ def test_one_entry_has_intervals_and_is_found_quickly():
         found = factor_intervals(grain, axes="inertia")
         low, high = found.intervals["specific_surface"]
         assert low <= found.factors.area / found.factors.volume <= high
-        quick = examined(parents, np.empty((3, 0)), np.empty((3, 0)))
+        quick = examine_all(parents, np.empty((3, 0)), np.empty((3, 0)))
         area, volume = quick.column("area"), quick.column("volume")
         np.testing.assert_array_equal(quick.column("specific_surface"), area / volume)
 

@@ -110,7 +110,7 @@ def test_what_the_progress_raises_ends_the_work(workers):
     with pytest.raises(Cancelled):
         measure_population([box(1, 1, 1)] * 5, workers=workers, progress=stop)
     assert len(measured) == 2
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith("crew-")]
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("pool-")]
 
 
 def test_conventions_reach_the_measurement():
@@ -147,11 +147,11 @@ def test_labels_choose_among_the_rows():
 
 
 def test_a_label_that_is_not_there(tmp_path):
-    from mbstudio.core.grains.labelling import grain_set_of
+    from mbstudio.core.grains.labelling import build_grain_set
 
     labels = np.zeros((8, 8, 8), dtype=np.int32)
     labels[2:6, 2:6, 2:6] = 1
-    grains = grain_set_of(labels, VoxelSize(1, 1, 1, "mm"))
+    grains = build_grain_set(labels, VoxelSize(1, 1, 1, "mm"))
     assert measure_population(grains, workers=0).column("volume") == pytest.approx([64.0])
     with pytest.raises(GrainError, match="no grain 3"):
         measure_population(grains, [1, 3], workers=0)

@@ -10,7 +10,7 @@ from mbstudio.core.errors import ProjectError
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.project.file import read_project, write_project
 from mbstudio.core.vae.models.training import learn
-from mbstudio.core.vae.shaping.kept_grain import KeptGrain, of_style
+from mbstudio.core.vae.shaping.kept_grain import KeptGrain, select_style
 from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, style_digest
 from tests.core.vae.boxes import boxes
 
@@ -40,7 +40,7 @@ def test_what_a_reopened_project_makes_is_the_same_bit_by_bit(tmp_path):
     with Project(ProjectState(style=learner, kept=kept)) as project:
         project.save(tmp_path / "sand.mbs")
     state = Project.open(tmp_path / "sand.mbs").state
-    (again,) = of_style(state.kept, state.style)
+    (again,) = select_style(state.kept, state.style)
     before, after = (
         made.decode(vector[None]).avatar(0)
         for made, vector in ((learner, latent), (state.style, again.recipe.vector))

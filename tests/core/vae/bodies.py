@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.vae.serialize.serialization import Template
-from mbstudio.core.vae.serialize.template import first_template
-from mbstudio.core.vae.serialize.template_fit import volume_matched
+from mbstudio.core.vae.serialize.template import spread_template
+from mbstudio.core.vae.serialize.template_fit import match_volume
 
 
 def ellipsoid(
@@ -40,9 +40,9 @@ def ellipsoid_template(n: int) -> Template:
     octant = np.maximum(np.asarray(sphere.vertices), 0)
     octant = octant[(np.asarray(sphere.vertices) > -1e-9).all(axis=1)]
     radii = 1 / np.linalg.norm(octant / np.array([0.62, 0.5, 0.4]), axis=1)
-    start = first_template(n, radii, octant)
+    start = spread_template(n, radii, octant)
     control = np.vstack([start.centers.T, np.exp(start.log_weights)])
-    matched = volume_matched(np.ascontiguousarray(control), np.pi / 6)
+    matched = match_volume(np.ascontiguousarray(control), np.pi / 6)
     return Template(start.centers, np.log(matched[3]), start.exchange)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from mbstudio.core.vae.serialize.serialization import FLIPS, Serialization, Template
 
 
-def template_of(generators: int = 2) -> Template:
+def make_template(generators: int = 2) -> Template:
     """Sixteen points of two boxes: a symmetric body about 1 across."""
     boxes = np.array([[0.28, 0.22, 0.16], [0.10, 0.17, 0.07], [0.2, 0.05, 0.1]])[:generators]
     centers = (boxes[:, None] * FLIPS).reshape(-1, 3)
@@ -20,7 +20,7 @@ def population(
     count: int = 24, *, seed: int = 0, generators: int = 2, ways: int = 4, unit: str = "mm"
 ) -> Serialization:
     """Avatars that vary from the template in `ways` fixed ways, and in size."""
-    template = template_of(generators)
+    template = make_template(generators)
     n = template.n
     shapes = np.random.default_rng(99)
     shifts, weights = shapes.normal(size=(ways, n, 3)), shapes.normal(size=(ways, n))

@@ -134,7 +134,7 @@ def _dual(
     return float(np.logaddexp(0.0, odds).sum() - wanted @ factors + 0.5 * (penalty * factors) @ factors)
 
 
-def balanced_draw(
+def draw_balanced(
     probabilities: Float[np.ndarray, " candidates"],
     rows: Float[np.ndarray, "candidates balanced"],
     rng: np.random.Generator,

@@ -73,7 +73,7 @@ class Candidates:
         known = dict(zip(STAR_FACTORS, self.factors.T, strict=True))
         return np.asarray(FACTORS.value(factor, known))
 
-    def joined(self, more: Candidates) -> Candidates:
+    def join(self, more: Candidates) -> Candidates:
         """Return these candidates and then the others."""
         arrays: dict[str, Any] = {
             name: np.concatenate([getattr(self.shapes, name), getattr(more.shapes, name)])
@@ -109,7 +109,7 @@ def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4
     state = VALID
     if not found.is_sound:
         state = PIECES if found.pieces > 1 else VOID
-        mended = _mended(control)
+        mended = _mend(control)
         if mended is None:
             return control, state, nothing
         control, state = mended, REPAIRED
@@ -117,7 +117,7 @@ def examine(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "4
     return control, state if np.isfinite(factors).all() else UNUSABLE, factors
 
 
-def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] | None:
+def _mend(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] | None:
     """Pull stray control points towards the body and grow weights over voids; None where that fails."""
     mended = control.copy()
     found = topology(mended, finest=64)
@@ -143,7 +143,7 @@ def _mended(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, "4 n"] |
     return scaled
 
 
-def examined(
+def examine_all(
     shapes: Serialization,
     latents: np.ndarray,
     parents: np.ndarray,

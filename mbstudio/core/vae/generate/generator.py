@@ -19,7 +19,7 @@ from mbstudio.core.vae.generate.candidates import (
     VALID,
     Candidates,
     Progress,
-    examined,
+    examine_all,
 )
 from mbstudio.core.vae.generate.generation import Counts, Generation, Learner
 from mbstudio.core.vae.generate.novelty import nearest_others, nearest_to
@@ -85,19 +85,19 @@ def generate(
     if processes < 1:
         raise GenerationError(f"{processes} processes cannot generate: give 1 or more.")
     report = on_progress or (lambda _share, _message: None)
-    wanted = _targets(targets or (), learner.parents.unit)
-    work = _Generating(learner, count, seed, wanted, processes, report)
-    choice = work.chosen()
+    wanted = _read_targets(targets or (), learner.parents.unit)
+    work = _GenerationRun(learner, count, seed, wanted, processes, report)
+    choice = work.choose()
     exact = None
     if wanted:
-        choice, exact = work.met(choice)
+        choice, exact = work.meet_targets(choice)
     elif measured:
-        choice, exact = work.followed(choice)
+        choice, exact = work.follow_parents(choice)
     report(1.0, f"{count} clones")
-    return work.generation(choice, exact)
+    return work.conclude(choice, exact)
 
 
-def _targets(given: Sequence[str] | Sequence[Target], unit: str) -> tuple[Target, ...]:
+def _read_targets(given: Sequence[str] | Sequence[Target], unit: str) -> tuple[Target, ...]:
     texts = [given] if isinstance(given, str) else list(given)
     found: list[Target] = []
     for target in texts:
@@ -105,11 +105,11 @@ def _targets(given: Sequence[str] | Sequence[Target], unit: str) -> tuple[Target
     return tuple(found)
 
 
-def _values(bodies: Population) -> Float64[np.ndarray, "bodies 6"]:
+def _balanced_values(bodies: Population) -> Float64[np.ndarray, "bodies 6"]:
     return np.stack([bodies.column(name) for name in BALANCED_FACTORS], axis=1)
 
 
-class _Generating:
+class _GenerationRun:
     """One generation under way: its candidates, and what is known of them exactly."""
 
     def __init__(
@@ -127,13 +127,13 @@ class _Generating:
         self._lines: dict[str, tuple[float, float]] = {}
         self._exact_parents: Population | None = None
         self._distances = np.empty(0)
-        self._parents = self._moments_of_parents()
-        self._pool = self._drawn(int(np.ceil(_FIRST_SHARE * count)) + _SPARE)
+        self._parents = self._measure_parents()
+        self._pool = self._draw(int(np.ceil(_FIRST_SHARE * count)) + _SPARE)
 
-    def _moments_of_parents(self) -> Moments:
+    def _measure_parents(self) -> Moments:
         parents = self._learner.parents
         nothing = np.empty((len(parents), 0))
-        found = examined(parents, nothing, nothing, processes=self._processes)
+        found = examine_all(parents, nothing, nothing, processes=self._processes)
         values = np.stack([found.column(name) for name in BALANCED_FACTORS], axis=1)
         known = np.isfinite(values).all(axis=1)
         values = values[known]
@@ -143,33 +143,33 @@ class _Generating:
             )
         self._radii = log_radii(parents.take(np.flatnonzero(known)))
         self._among = nearest_others(self._radii)
-        return Moments.of(values)
+        return Moments.from_values(values)
 
-    def _drawn(self, count: int) -> Candidates:
+    def _draw(self, count: int) -> Candidates:
         """Return further candidates; every batch has a seed of its own."""
         seed = int(np.random.SeedSequence([self._seed, self._batches]).generate_state(1, np.uint32)[0])
         self._batches += 1
         drawn = self._learner.sample(count, seed)
         share = 0.5 if not self._targets else 0.35
-        return examined(
+        return examine_all(
             drawn.serialization, drawn.latents, drawn.parents, processes=self._processes,
             progress=lambda done, words: self._report(share * done, words),
         )  # fmt: skip
 
-    def chosen(self) -> Choice:
+    def choose(self) -> Choice:
         """Return the choice, drawing further candidates while they help."""
         while True:
-            found = self._choice()
+            found = self._choose()
             least = max(1.2 * self._count, self._count + 1)
             short = self._usable().sum() < least
             if found is not None and not short and (found.level <= 1 or self._targets):
                 return found
-            more = self._more(found)
+            more = self._count_more(found)
             if more == 0:
                 return found or self._refuse()
-            self._pool = self._pool.joined(self._drawn(more))
+            self._pool = self._pool.join(self._draw(more))
 
-    def _choice(self, kept: Sequence[int] = ()) -> Choice | None:
+    def _choose(self, kept: Sequence[int] = ()) -> Choice | None:
         usable = np.flatnonzero(self._usable())
         values = np.stack([self._column(name)[usable] for name in BALANCED_FACTORS], axis=1)
         # Another draw each time: with few clones some come nearer than others.
@@ -200,7 +200,7 @@ class _Generating:
         self._distances = np.concatenate([self._distances, found])
         return self._distances
 
-    def _more(self, found: Choice | None) -> int:
+    def _count_more(self, found: Choice | None) -> int:
         """Return how many further candidates to draw, none where they would not help."""
         have, usable = len(self._pool), self._usable()
         most = _MOST_SHARE_OF_TARGETS if self._targets else _MOST_SHARE
@@ -249,14 +249,14 @@ class _Generating:
             else:
                 self._unmeasurable.add(i)
 
-    def met(self, choice: Choice) -> tuple[Choice, Population]:
+    def meet_targets(self, choice: Choice) -> tuple[Choice, Population]:
         """Return a choice whose exact factors meet the targets; choose anew where they do not yet."""
         before: set[int] = set()
         # Lengths found by rays are a little short: bring them to the scale of the exact ones first.
         self._measure(choice.rows[:: max(1, len(choice.rows) // _CALIBRATORS)].tolist())
         self._calibrate()
         for _ in range(_MOST_ROUNDS):
-            choice = self._choice(sorted(self._exact)) or self._refuse()
+            choice = self._choose(sorted(self._exact)) or self._refuse()
             self._replaced += len(before - set(choice.rows.tolist()))
             self._measure(choice.rows.tolist())
             before = set(choice.rows.tolist())
@@ -266,32 +266,34 @@ class _Generating:
                 return choice, self._population(choice)
         missed = next((figure for figure in self._reached(choice) if not figure.met), None)
         words = "" if missed is None else f": {missed.what} comes to {missed.found:.4g}"
-        raise GenerationError(f"These parents cannot give {self._words()} closely enough{words}.")
+        raise GenerationError(f"These parents cannot give {self._describe_targets()} closely enough{words}.")
 
-    def followed(self, choice: Choice) -> tuple[Choice, Population]:
+    def follow_parents(self, choice: Choice) -> tuple[Choice, Population]:
         """Return a choice whose exact factors follow the parents' exact ones.
 
         On rough bodies rays find the perimeter of a projection, and so its circularity, only roughly. So
         after the first choice is measured, others are chosen for what rays could not tell.
         """
-        choice, exact = self.measurable(choice)
-        quick, parents = self._parents, self._parents_exactly()
+        choice, exact = self.replace_unmeasurable(choice)
+        quick, parents = self._parents, self._measure_parents_exactly()
         for _ in range(_CORRECTIONS):
-            if parents is None or parents.missed_by(_values(exact)) <= _CLOSE:
+            if parents is None or parents.largest_error(_balanced_values(exact)) <= _CLOSE:
                 break
             self._parents = parents
             self._fit_lines()
-            again = self._choice(sorted(self._exact))
+            again = self._choose(sorted(self._exact))
             if again is None or again.level > choice.level:
                 self._parents = quick
                 break
-            after, found = self.measurable(again)
-            if parents.missed_by(_values(found)) < parents.missed_by(_values(exact)):
+            after, found = self.replace_unmeasurable(again)
+            if parents.largest_error(_balanced_values(found)) < parents.largest_error(
+                _balanced_values(exact)
+            ):
                 self._replaced += len(set(choice.rows.tolist()) - set(after.rows.tolist()))
                 choice, exact = after, found
         return choice, exact
 
-    def _parents_exactly(self) -> Moments | None:
+    def _measure_parents_exactly(self) -> Moments | None:
         """Return the moments of the parents by the measure of the clones; None if too few can be measured."""
         shapes = self._learner.parents
         self._exact_parents = measure_population(
@@ -299,9 +301,9 @@ class _Generating:
             workers=0 if self._processes == 1 else self._processes,
             progress=lambda _done, words: self._report(0.99, f"parents: {words}"),
         )  # fmt: skip
-        values = _values(self._exact_parents)
+        values = _balanced_values(self._exact_parents)
         values = values[np.isfinite(values).all(axis=1)]
-        return Moments.of(values) if len(values) > 1 else None
+        return Moments.from_values(values) if len(values) > 1 else None
 
     def _fit_lines(self) -> None:
         """Bring the quick factors of all candidates to the exact ones of those measured, by a line each."""
@@ -313,7 +315,7 @@ class _Generating:
             slope = float(np.cov(rough, exact, bias=True)[0, 1]) / spread if spread > 1e-18 else 1.0
             self._lines[name] = (slope, float(exact.mean() - slope * rough.mean()))
 
-    def measurable(self, choice: Choice) -> tuple[Choice, Population]:
+    def replace_unmeasurable(self, choice: Choice) -> tuple[Choice, Population]:
         """Return a choice of which every body can be measured exactly."""
         for _ in range(_MOST_ROUNDS):
             self._measure(choice.rows.tolist())
@@ -321,10 +323,10 @@ class _Generating:
             if not lost:
                 return choice, self._population(choice)
             self._replaced += len(lost)
-            choice = replace(choice, rows=self._exchanged(choice.rows, lost))
+            choice = replace(choice, rows=self._exchange(choice.rows, lost))
         raise GenerationError("Too many clones of these parents cannot be measured: learn their style anew.")
 
-    def _exchanged(self, rows: Int[np.ndarray, " count"], lost: set[int]) -> Int[np.ndarray, " count"]:
+    def _exchange(self, rows: Int[np.ndarray, " count"], lost: set[int]) -> Int[np.ndarray, " count"]:
         """Return the rows with each lost one replaced by the free candidate most like it."""
         values = np.stack([self._pool.column(name) for name in BALANCED_FACTORS], axis=1)
         scaled = values / np.where(self._parents.deviations > 0, self._parents.deviations, np.inf)
@@ -363,7 +365,7 @@ class _Generating:
             self._pool.shapes.unit, "obb", "avatar", ("",) * len(rows), ("",) * len(rows),
         )  # fmt: skip
 
-    def _words(self) -> str:
+    def _describe_targets(self) -> str:
         return f"{self._count} clones with {' and '.join(str(target) for target in self._targets)}"
 
     def _refuse(self) -> NoReturn:
@@ -378,10 +380,11 @@ class _Generating:
             reach_words(name, self._column(name)[usable], self._pool.shapes.unit) for name in names
         )
         raise GenerationError(
-            f"These parents cannot give {self._words()}: their clones have {reach}. Ask for values within."
+            f"These parents cannot give {self._describe_targets()}: their clones have {reach}. "
+            "Ask for values within."
         )
 
-    def generation(self, choice: Choice, exact: Population | None) -> Generation:
+    def conclude(self, choice: Choice, exact: Population | None) -> Generation:
         """Return the result of a choice."""
         pool, rows = self._pool, choice.rows
         digits = len(str(self._count))
@@ -398,7 +401,7 @@ class _Generating:
         how = (
             LEVELS[choice.level]
             if not self._targets
-            else f"{self._words()}, else as like the parents as can be"
+            else f"{self._describe_targets()}, else as like the parents as can be"
         )
         return Generation(
             replace(pool.shapes.take(rows), names=names), pool.latents[rows], pool.parents[rows], exact,

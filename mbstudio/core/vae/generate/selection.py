@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
 from mbstudio.core.populations.comparison import PAPER_FACTORS
-from mbstudio.core.vae.generate.balancing import Inclusion, balanced_draw, inclusion
+from mbstudio.core.vae.generate.balancing import Inclusion, draw_balanced, inclusion
 
 BALANCED_FACTORS = PAPER_FACTORS
 """Factors whose means, standard deviations and correlations clones share with their parents."""
@@ -44,7 +44,7 @@ class Moments:
     quantiles: Float64[np.ndarray, "q 6"]
 
     @classmethod
-    def of(cls, values: Float[np.ndarray, "bodies 6"]) -> Moments:
+    def from_values(cls, values: Float[np.ndarray, "bodies 6"]) -> Moments:
         """Return the moments of bodies that are all measured, two at least."""
         means, deviations = values.mean(axis=0), values.std(axis=0, ddof=1)
         deviations = np.where(deviations > 1e-9 * np.abs(means), deviations, 0.0)
@@ -53,7 +53,7 @@ class Moments:
         quantiles = np.quantile(values, told, axis=0) if told else np.empty((0, values.shape[1]))
         return cls(means, deviations, scaled.T @ scaled / (len(values) - 1), len(values), quantiles)
 
-    def missed_by(self, values: Float[np.ndarray, "clones 6"]) -> float:
+    def largest_error(self, values: Float[np.ndarray, "clones 6"]) -> float:
         """Return the largest error of a mean or standard deviation of clones, in deviations of the bodies."""
         spread = self.deviations > 0
         if not spread.any() or len(values) < 2:
@@ -62,7 +62,7 @@ class Moments:
         wide = np.abs(values.std(axis=0, ddof=1)[spread] / self.deviations[spread] - 1.0)
         return float(max(off.max(), wide.max()))
 
-    def shrunk(self, values: Float[np.ndarray, "candidates 6"]) -> Moments:
+    def shrink(self, values: Float[np.ndarray, "candidates 6"]) -> Moments:
         """Return these moments, the correlations partly those of the candidates where there are few bodies.
 
         Twenty bodies tell fifteen correlations badly. They count as twenty against fifteen of the
@@ -70,7 +70,7 @@ class Moments:
         """
         pairs = len(self.means) * (len(self.means) - 1) // 2
         share = pairs / (pairs + self.bodies - 1.0)
-        theirs = Moments.of(values).correlations
+        theirs = Moments.from_values(values).correlations
         mixed = (1.0 - share) * self.correlations + share * theirs
         return replace(self, correlations=mixed)
 
@@ -176,7 +176,7 @@ def parental_inclusion(
     rows : float array, shape (candidates, constraints)
         The statistics that were balanced.
     """
-    means, deviations, products, below = parents.shrunk(values).rows(values, count)
+    means, deviations, products, below = parents.shrink(values).rows(values, count)
     nearness = np.empty((len(values), 0)) if novel is None else novel
     everything = np.concatenate([means, deviations, products, below, nearness], axis=1)
     hard = means.shape[1] + deviations.shape[1]
@@ -258,5 +258,5 @@ def choose(
         p, effective = found.probabilities, found.effective
         rows = np.concatenate([wanted, rows], axis=1)[places]
     most = max(1, min(count, len(places) - count) // 3)
-    taken = balanced_draw(p, rows[:, :most], rng)
+    taken = draw_balanced(p, rows[:, :most], rng)
     return Choice(places[taken], level, LEVELS[level], effective)

@@ -13,11 +13,11 @@ from mbstudio.core.errors import StyleError
 from mbstudio.core.options import OptionRecord, option
 from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.models.features import Scaler, character
-from mbstudio.core.vae.models.joining import held_together
+from mbstudio.core.vae.models.joining import hold_together
 from mbstudio.core.vae.models.networks import apply_network, network_shapes
 from mbstudio.core.vae.models.principal import PrincipalComponents, principal_components
 from mbstudio.core.vae.models.radii import direction_exchange, log_radii
-from mbstudio.core.vae.models.sampling import bands_of
+from mbstudio.core.vae.models.sampling import split_bands
 from mbstudio.core.vae.models.shape_model import Tensors
 from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -88,7 +88,7 @@ class AlignedModel:
 
     @property
     def bands(self) -> tuple[tuple[int, int], ...]:
-        return bands_of((self.core, len(self.left.parities)))
+        return split_bands((self.core, len(self.left.parities)))
 
     @cached_property
     def _table(self) -> tuple[Int[np.ndarray, "8 width"], Float64[np.ndarray, "8 width"]]:
@@ -111,7 +111,7 @@ class AlignedModel:
             vectors = self.decode_core(latents[:, : self.core])
             if len(self.left.parities):
                 vectors = vectors + self.left.vectors(latents[:, self.core :])
-            return held_together(self.scaler.avatars(vectors, names))
+            return hold_together(self.scaler.avatars(vectors, names))
 
     def encode_core(self, avatars: Serialization) -> Float64[np.ndarray, "avatars core"]:
         """Return the means of the latents of the model proper."""
@@ -148,7 +148,7 @@ class AlignedModel:
         left = self.scaler.vectors(parents) - bare.decode_core(bare.encode_core(parents))
         return replace(self, left=principal_components(left, self._table, details))
 
-    def ordered(self, latents: Float[np.ndarray, "parents core"]) -> AlignedModel:
+    def order_latents(self, latents: Float[np.ndarray, "parents core"]) -> AlignedModel:
         """Return the same model with its latents in the order in which they tell on size and shape."""
         centre = latents.mean(0) * (self.signs[:, : self.core].mean(0) == 1.0)
         spread = np.sqrt(np.square(latents - centre).mean(0))

@@ -79,15 +79,15 @@ class AlignedTrainer:
         self.steps = options.steps or (4000 if len(data.parents) >= _FEW else 2000)
         self.record_every = options.record_every
         self.annealer = DistributionAnnealer(self.steps, options.annealed)
-        self.annealing_ends = self.annealer.finished
+        self.annealing_ends = self.annealer.end
         self.notes: tuple[str, ...] = (FEW_PARENTS,) if len(data.parents) < _ENOUGH_FOR_NETWORKS else ()
         self._old_and_new: tuple[Int[np.ndarray, " old"], Int[np.ndarray, " new"]] | None = None
         raw = raw_inputs(data.scaler, data.parents)
-        numbers = dict(start.numbers) if start is not None else first_numbers(data, options, seed, raw)
+        numbers = dict(start.numbers) if start is not None else initial_numbers(data, options, seed, raw)
         self._fixed = {name: numbers.pop(name) for name in ("input.mean", "input.scale", "parities")}
         numbers.setdefault("log_sigma", _FIRST_LOG_SIGMA.copy())
         self._inputs = ((raw - self._fixed["input.mean"]) / self._fixed["input.scale"]).astype(np.float32)
-        self._probes = Probes.of(data.parents)
+        self._probes = Probes.from_parents(data.parents)
         self.parameters = Parameters(numbers, device, decay=1e-4, clip=20.0)
         self._place()
 
@@ -117,7 +117,7 @@ class AlignedTrainer:
         """Draw half of each step's parents from the old ones and half from the new."""
         self._old_and_new = old, new
 
-    def chosen_rows(self, rng: np.random.Generator) -> Int[np.ndarray, " batch"]:
+    def draw_rows(self, rng: np.random.Generator) -> Int[np.ndarray, " batch"]:
         """Return the parents of one step: where old and new ones are told apart, half of each."""
         batch = self.options.batch
         if self._old_and_new is None or not all(len(rows) for rows in self._old_and_new):
@@ -129,7 +129,7 @@ class AlignedTrainer:
         """Make one step."""
         rng = step_rng(self.seed, step)
         weight = self.annealer.weight(step)
-        items, divergence = self._items(self.chosen_rows(rng), rng)
+        items, divergence = self._items(self.draw_rows(rng), rng)
         sigmas = self.parameters.tensors["log_sigma"]
         likelihoods = [
             weighted_item(error, sigmas[place], _ITEMS[name])
@@ -222,11 +222,11 @@ class AlignedTrainer:
     def model(self, weights: Tensors) -> AlignedModel:
         """Return the finished model: latents in order, with the details that it leaves."""
         bare = self.bare_model(weights)
-        bare = bare.ordered(bare.encode_core(self.data.parents))
+        bare = bare.order_latents(bare.encode_core(self.data.parents))
         return bare.with_details(self.data.parents, self.options.details)
 
 
-def first_numbers(
+def initial_numbers(
     data: TrainingData, options: AlignedOptions, seed: int, raw: Float64[np.ndarray, "parents 145"]
 ) -> Tensors:
     """Return where the training starts: whitened principal components of the radii, regressed upon.

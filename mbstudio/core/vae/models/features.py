@@ -73,7 +73,7 @@ class Scaler:
             object.__setattr__(self, name, array)
 
     @classmethod
-    def of(cls, parents: Serialization) -> Scaler:
+    def from_parents(cls, parents: Serialization) -> Scaler:
         """Return the scaler of these parents."""
         # Sizes that differ by rounding only are one.
         log_sizes, counts = np.unique(np.log(parents.diameters).round(9), return_counts=True)

@@ -66,7 +66,7 @@ def _draw_in(control: np.ndarray, group: np.ndarray) -> None:
                 group[i] = main
 
 
-def held_together(avatars: Serialization) -> Serialization:
+def hold_together(avatars: Serialization) -> Serialization:
     """Return the avatars with every control point in one body.
 
     A group of control points whose body is a drop of its own is drawn in along the line on which it is

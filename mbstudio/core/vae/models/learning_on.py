@@ -13,7 +13,7 @@ from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.presets import find_preset
 from mbstudio.core.vae.models.radii import surface_rms
 from mbstudio.core.vae.models.style_learner import StyleLearner
-from mbstudio.core.vae.models.training import StyleTraining, chosen_device
+from mbstudio.core.vae.models.training import StyleTraining, choose_device
 from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -50,10 +50,10 @@ class LearningOn(StyleTraining):
         preset = find_preset(learner.preset)
         given = learner.card.settings | dict(preset.learning_on) | options
         record = preset.options.make(given)
-        parents = joined(learner.parents, new)
+        parents = join_parents(learner.parents, new)
         # What is found at once begins anew; the others keep the scale in which they have learned.
         scaler = model.scaler if preset.in_steps else None
-        whole = TrainingData.of(parents, record.held_out, seed, scaler)
+        whole = TrainingData.from_parents(parents, record.held_out, seed, scaler)
         known = set(learner.card.held_out)
         old = np.arange(len(learner.parents))
         aside = [row for row in old if learner.parents.names[row] in known]
@@ -61,7 +61,7 @@ class LearningOn(StyleTraining):
         aside += order[: round(record.held_out * len(new))].tolist()
         rest = np.setdiff1d(np.arange(len(parents)), aside)
         data = whole.split(rest, np.array(sorted(aside), dtype=np.int64))
-        trainer = preset.trainer(data, record, seed, chosen_device(device), model)
+        trainer = preset.trainer(data, record, seed, choose_device(device), model)
         trainer.replay(rest[rest < len(old)], rest[rest >= len(old)])
         trainer.notes = (
             *trainer.notes,
@@ -70,9 +70,9 @@ class LearningOn(StyleTraining):
         self._old_steps = learner.card.steps
         self._begin(preset, seed, data, trainer, given)
 
-    def _judged_by(self) -> Int[np.ndarray, " rows"]:
+    def _validation_rows(self) -> Int[np.ndarray, " rows"]:
         """Return all parents: the new are to be learned and the old not to be forgotten."""
-        return np.arange(len(self.data.parents)) if self.preset.in_steps else super()._judged_by()
+        return np.arange(len(self.data.parents)) if self.preset.in_steps else super()._validation_rows()
 
     def result(self) -> StyleLearner:
         """Return the learner of the best state so far, of old and new parents."""
@@ -91,7 +91,7 @@ def learn_on(learner: StyleLearner, new: Serialization, *, seed: int = 0, **opti
     return LearningOn(learner, new, seed=seed, **options)
 
 
-def joined(first: Serialization, second: Serialization) -> Serialization:
+def join_parents(first: Serialization, second: Serialization) -> Serialization:
     """Return the avatars of both, in the unit and with the template of the first."""
     factor = conversion_factor(second.unit, first.unit)
     return replace(

@@ -134,7 +134,7 @@ class DistributionAnnealer:
         return 1.0 if step >= rise else step / rise
 
     @property
-    def finished(self) -> int:
+    def end(self) -> int:
         """The first step with weight 1."""
         rise = self.share * self.steps
         return int(rise) + (rise > int(rise))

@@ -98,7 +98,7 @@ class PaperTrainer:
         self.data, self.options, self.seed = data, options, seed
         self.steps, self.record_every = options.steps, options.record_every
         self.annealer = DistributionAnnealer(self.steps, options.annealed)
-        self.annealing_ends = self.annealer.finished
+        self.annealing_ends = self.annealer.end
         n = data.parents.template.n
         rng = np.random.default_rng([abs(int(seed)), 3])
         numbers: Tensors = {}

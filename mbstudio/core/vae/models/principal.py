@@ -12,9 +12,9 @@ from mbstudio.core.errors import StyleError
 from mbstudio.core.options import OptionRecord, option
 from mbstudio.core.threads import one_thread
 from mbstudio.core.vae.models.features import Scaler, character, parity_parts
-from mbstudio.core.vae.models.joining import held_together
+from mbstudio.core.vae.models.joining import hold_together
 from mbstudio.core.vae.models.radii import surface_rms
-from mbstudio.core.vae.models.sampling import bands_of
+from mbstudio.core.vae.models.sampling import split_bands
 from mbstudio.core.vae.models.shape_model import Tensors
 from mbstudio.core.vae.models.style_preset import StylePreset
 from mbstudio.core.vae.models.training_data import TrainingData
@@ -124,7 +124,7 @@ class PrincipalModel:
         cls, parents: Serialization, *, latents: int = LATENTS, scaler: Scaler | None = None
     ) -> PrincipalModel:
         """Return the model of these parents."""
-        scaler = Scaler.of(parents) if scaler is None else scaler
+        scaler = Scaler.from_parents(parents) if scaler is None else scaler
         with one_thread():
             basis = principal_components(scaler.vectors(parents), scaler.flip_table(), latents)
         return cls(scaler, basis)
@@ -143,7 +143,7 @@ class PrincipalModel:
 
     @property
     def bands(self) -> tuple[tuple[int, int], ...]:
-        return bands_of((self.core,))
+        return split_bands((self.core,))
 
     def encode(self, avatars: Serialization) -> Float64[np.ndarray, "avatars d"]:
         """Return the scores of avatars."""
@@ -155,7 +155,7 @@ class PrincipalModel:
     ) -> Serialization:
         """Return the avatars of scores."""
         with one_thread():
-            return held_together(self.scaler.avatars(self.basis.vectors(latents), names))
+            return hold_together(self.scaler.avatars(self.basis.vectors(latents), names))
 
     def tensors(self) -> Tensors:
         """Return mean, components and parities."""

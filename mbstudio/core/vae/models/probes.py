@@ -38,7 +38,7 @@ class Probes:
     shell_log_field: Float[np.ndarray, "parents q"]
 
     @classmethod
-    def of(cls, parents: Serialization, in_octant: int = 32) -> Probes:
+    def from_parents(cls, parents: Serialization, in_octant: int = 32) -> Probes:
         """Return the probes of parents, in `in_octant` directions of every octant."""
         along = directions(in_octant)
         radii = outermost_radii(parents.centers, parents.log_weights, along)

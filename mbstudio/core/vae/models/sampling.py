@@ -40,7 +40,7 @@ class Sample:
             object.__setattr__(self, name, array)
 
 
-def usual_noise(parents: int) -> tuple[float, float]:
+def default_noise(parents: int) -> tuple[float, float]:
     """Return the shares of noise, in form and size and in everything finer, for so many parents.
 
     Clones are then about as far from the nearest parent as parents are from each other.
@@ -48,7 +48,7 @@ def usual_noise(parents: int) -> tuple[float, float]:
     return (0.6, 0.7) if parents >= 50 else (0.8, 0.9)
 
 
-def bands_of(widths: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+def split_bands(widths: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
     """Return bands 0-8, 8-16, 16-32, 32-64, ... of each group of so many latents, one after another."""
     bands, start = [], 0
     for width in widths:

@@ -16,7 +16,7 @@ from mbstudio.core.replacement import replacing
 from mbstudio.core.vae.models.features import Scaler
 from mbstudio.core.vae.models.model_card import ModelCard
 from mbstudio.core.vae.models.presets import find_preset
-from mbstudio.core.vae.models.sampling import Sample, band_latents, normal_latents, usual_noise
+from mbstudio.core.vae.models.sampling import Sample, band_latents, default_noise, normal_latents
 from mbstudio.core.vae.models.shape_model import ShapeModel, Tensors
 from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
@@ -66,7 +66,7 @@ class StyleLearner:
         object.__setattr__(self, "latents", latents)
 
     @classmethod
-    def of(cls, model: ShapeModel, parents: Serialization, card: ModelCard) -> StyleLearner:
+    def from_model(cls, model: ShapeModel, parents: Serialization, card: ModelCard) -> StyleLearner:
         """Return the learner of a model, its parents encoded."""
         return cls(model, parents, model.encode(parents), card)
 
@@ -159,7 +159,7 @@ class StyleLearner:
         StyleError
             If count is negative, or a share of noise is none.
         """
-        usual = usual_noise(len(self.parents))
+        usual = default_noise(len(self.parents))
         mixing, turning = usual[0] if mixing is None else mixing, usual[1] if turning is None else turning
         rng = np.random.default_rng(seed)
         if self.signs is None:
@@ -266,7 +266,7 @@ def learner_entries(learner: StyleLearner) -> dict[str, Any]:
     }
 
 
-def learner_of(entries: dict[str, Any], tensors: Tensors, source: Path) -> StyleLearner:
+def build_learner(entries: dict[str, Any], tensors: Tensors, source: Path) -> StyleLearner:
     """Return the style-learner of :func:`learner_entries` and :func:`learner_tensors`.
 
     Raises
@@ -320,7 +320,7 @@ def read_learner(folder: Path) -> StyleLearner:
                 f"{weights} is not the file that {path.name} was written with (truncated, changed or from "
                 "another style-learner): copy the whole folder again."
             )
-        return learner_of(entries, _tensors(content, weights), weights)
+        return build_learner(entries, _tensors(content, weights), weights)
     except (KeyError, TypeError, ValueError) as error:
         raise StyleError(f"{path} is no complete style-learner ({error!r}): save it again.") from None
     except MbstudioError as error:

@@ -72,8 +72,8 @@ class StyleTraining:
     ) -> None:
         chosen = find_preset(preset)
         record = chosen.options.make(options)
-        data = TrainingData.of(parents, record.held_out, seed)
-        self._begin(chosen, seed, data, chosen.trainer(data, record, seed, chosen_device(device)), options)
+        data = TrainingData.from_parents(parents, record.held_out, seed)
+        self._begin(chosen, seed, data, chosen.trainer(data, record, seed, choose_device(device)), options)
         self._checkpoint = None if checkpoint is None else Path(checkpoint)
         self._checkpoint_every = max(1, int(checkpoint_every))
         if self._checkpoint is not None and self._checkpoint.exists():
@@ -103,7 +103,7 @@ class StyleTraining:
         self.history.append(record)
         if record.best:
             self.best_weights, self.best_row = self.trainer.weights(), len(self.history) - 1
-        if self._checkpoint is not None and self._due(record):
+        if self._checkpoint is not None and self._is_due(record):
             write_checkpoint(self, self._checkpoint)
         return record
 
@@ -142,7 +142,7 @@ class StyleTraining:
             found = self._advance(step)
             losses.append(found)
             if not math.isfinite(found.loss):
-                return self._broken(step + 1, found)
+                return self._stop_broken(step + 1, found)
         return self._record(end, losses)
 
     def _advance(self, step: int) -> Losses:
@@ -157,10 +157,10 @@ class StyleTraining:
             return self.trainer.advance(step)
 
     def _record(self, step: int, losses: list[Losses]) -> TrainingStep:
-        held_out = self.trainer.rms(self._judged_by())
+        held_out = self.trainer.rms(self._validation_rows())
         last = losses[-1]
         if not math.isfinite(held_out):
-            return self._broken(step, last)
+            return self._stop_broken(step, last)
         # Before the distribution item has its full weight an error says little about the end.
         before = self.history[self.best_row] if self.best_row >= 0 else None
         counts = step >= self.trainer.annealing_ends
@@ -174,7 +174,7 @@ class StyleTraining:
             _mean([entry.loss for entry in losses]), held_out, best, note,
         )  # fmt: skip
 
-    def _broken(self, step: int, last: Losses) -> TrainingStep:
+    def _stop_broken(self, step: int, last: Losses) -> TrainingStep:
         if self.best_row < 0:
             raise StyleError(
                 "The training gives numbers that are not finite from the start: check the parents for "
@@ -189,11 +189,11 @@ class StyleTraining:
             f"of step {kept}, is kept",
         )  # fmt: skip
 
-    def _judged_by(self) -> Int[np.ndarray, " rows"]:
+    def _validation_rows(self) -> Int[np.ndarray, " rows"]:
         """Return the parents by whose error the best state is chosen."""
         return self.data.held_out if len(self.data.held_out) else self.data.trained
 
-    def _due(self, record: TrainingStep) -> bool:
+    def _is_due(self, record: TrainingStep) -> bool:
         return (
             self.stopped
             or record.step >= self.trainer.steps
@@ -227,7 +227,7 @@ def learn(parents: Serialization, preset: str = "aligned", *, seed: int = 0, **o
     return StyleTraining(parents, preset, seed=seed, **options).run()
 
 
-def chosen_device(device: str) -> str:
+def choose_device(device: str) -> str:
     """Return 'cpu' or 'cuda' for a device that was asked for.
 
     Raises

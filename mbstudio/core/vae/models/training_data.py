@@ -42,7 +42,7 @@ class TrainingData:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(
+    def from_parents(
         cls, parents: Serialization, held_out: float, seed: int, scaler: Scaler | None = None
     ) -> TrainingData:
         """Return the data of parents of which a share is held out.
@@ -67,7 +67,7 @@ class TrainingData:
             raise StyleError(f"A share of {held_out:g} of the parents cannot be held out: give 0 to 0.5.")
         _check_number(parents)
         _check_sizes(parents)
-        scaler = Scaler.of(parents) if scaler is None else scaler
+        scaler = Scaler.from_parents(parents) if scaler is None else scaler
         vectors = scaler.vectors(parents)
         _check_shapes(parents, vectors)
         count = len(parents)

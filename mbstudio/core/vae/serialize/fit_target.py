@@ -32,7 +32,7 @@ HULL_POINTS = 16_000
 _MESH_CELLS = 80
 
 
-def prepared_body(
+def prepare_body(
     body: Body, *, unit: str | None = None, seed: int = 0, name: str = "The body"
 ) -> tuple[PreparedGrain, PrincipalFrame]:
     """Return a grain, mesh or avatar ready to be fitted, and its principal frame.
@@ -53,16 +53,16 @@ def prepared_body(
             mesh = body.mesh(cells=_MESH_CELLS)
             mesh.units = body.unit
         else:
-            mesh = checked_mesh(_merged(body))
+            mesh = checked_mesh(_merge_corners(body))
         frame = principal_frame(mesh, unit=unit, name=name)
-        return prepared_mesh(mesh, frame, seed), frame
+        return prepare_mesh(mesh, frame, seed), frame
     except MbstudioError as error:
         if isinstance(error, SerializationError) and name in str(error):
             raise
         raise SerializationError(f"{name} cannot be serialized: {error}") from error
 
 
-def _merged(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def _merge_corners(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return a mesh whose equal corners are one: files of triangles alone name each corner many times."""
     if mesh.is_watertight:
         return mesh
@@ -71,7 +71,7 @@ def _merged(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return merged
 
 
-def prepared_mesh(mesh: trimesh.Trimesh, frame: PrincipalFrame, seed: int) -> PreparedGrain:
+def prepare_mesh(mesh: trimesh.Trimesh, frame: PrincipalFrame, seed: int) -> PreparedGrain:
     """Return a closed mesh prepared by way of voxels, its hull points then taken from its own triangles.
 
     Parameters

@@ -51,7 +51,7 @@ class PrincipalFrame:
         return world
 
 
-def name_of(body: Body, place: int) -> str:
+def body_name(body: Body, place: int) -> str:
     """Return what a body is called, with its place in the sequence where it carries no name of its own."""
     name = getattr(body, "name", None)
     if not name and hasattr(body, "metadata"):

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.imaging.preprocess import PreparedGrain
-from mbstudio.core.vae.serialize.fit_target import prepared_mesh
+from mbstudio.core.vae.serialize.fit_target import prepare_mesh
 from mbstudio.core.vae.serialize.frame import PrincipalFrame
 from mbstudio.core.vae.serialize.serialization import Template
-from mbstudio.core.vae.serialize.template import first_template, symmetric_mean
+from mbstudio.core.vae.serialize.template import spread_template, symmetric_mean
 from mbstudio.core.vae.serialize.template_fit import TemplateFitSettings, fit_body
 
 _DIRECTIONS = 642  # of the sphere whose corners carry the mean radius
@@ -44,7 +44,7 @@ def mean_radii(
     return total / len(bodies)
 
 
-def template_of(bodies: Sequence[tuple[PreparedGrain, PrincipalFrame]], n: int) -> Template:
+def make_template(bodies: Sequence[tuple[PreparedGrain, PrincipalFrame]], n: int) -> Template:
     """Return a symmetric template of `n` control points for bodies: fitted to their mean, then their mean.
 
     Parameters
@@ -58,12 +58,12 @@ def template_of(bodies: Sequence[tuple[PreparedGrain, PrincipalFrame]], n: int) 
     directions = np.asarray(sphere.vertices)
     radii = mean_radii(bodies, directions)
     octant = (directions >= -1e-9).all(axis=1)
-    template = first_template(n, radii[octant], np.maximum(directions[octant], 0.0))
+    template = spread_template(n, radii[octant], np.maximum(directions[octant], 0.0))
     mean = trimesh.Trimesh(directions * radii[:, None], sphere.faces, process=False)
     mean.apply_scale(float(np.cbrt(np.pi / 6 / mean.volume)))
     # Its own axes are those of the template, whatever its moments of inertia.
     frame = PrincipalFrame(np.zeros(3), np.eye(3), 1.0, "mm")
-    target = prepared_mesh(mean, frame, 0)
+    target = prepare_mesh(mean, frame, 0)
     for _ in range(3):
         fitted = fit_body(target, frame, template, _FREE)
         template = symmetric_mean(fitted.centers[None], fitted.log_weights[None])

@@ -204,7 +204,7 @@ def serialization_arrays(serialization: Serialization) -> dict[str, np.ndarray]:
     }
 
 
-def serialization_of(arrays: Mapping[str, np.ndarray], source: str = "The file") -> Serialization:
+def build_serialization(arrays: Mapping[str, np.ndarray], source: str = "The file") -> Serialization:
     """Return the serialized avatars of plain arrays.
 
     Raises
@@ -260,4 +260,4 @@ def load_serialization(path: str | Path) -> Serialization:
             arrays = {name: stored[name] for name in stored.files}
     except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
         raise SerializationError(f"{path} cannot be read as serialized avatars ({error}).") from error
-    return serialization_of(arrays, str(path))
+    return build_serialization(arrays, str(path))

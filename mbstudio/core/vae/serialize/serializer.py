@@ -14,11 +14,11 @@ from mbstudio.core.batch.messages import Arrays, Head, Message, Report
 from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import SerializationError, SerializationWarning
 from mbstudio.core.units import conversion_factor, parse_unit
-from mbstudio.core.vae.serialize.fit_target import prepared_body
-from mbstudio.core.vae.serialize.frame import name_of
-from mbstudio.core.vae.serialize.mean_shape import template_of
+from mbstudio.core.vae.serialize.fit_target import prepare_body
+from mbstudio.core.vae.serialize.frame import body_name
+from mbstudio.core.vae.serialize.mean_shape import make_template
 from mbstudio.core.vae.serialize.serialization import Serialization, Template
-from mbstudio.core.vae.serialize.template import learned_template, orbit_kinds
+from mbstudio.core.vae.serialize.template import learn_template, orbit_kinds
 from mbstudio.core.vae.serialize.template_fit import FittedBody, fit_from_template
 
 if TYPE_CHECKING:
@@ -97,20 +97,20 @@ def serialize(
         raise SerializationError("There are no bodies to serialize.")
     if processes < 1:
         raise SerializationError(f"{processes} processes cannot serialize: give 1 or more.")
-    names = [name_of(body, i) for i, body in enumerate(bodies)] if names is None else list(names)
+    names = [body_name(body, i) for i, body in enumerate(bodies)] if names is None else list(names)
     if len(names) != len(bodies):
         raise SerializationError(f"{len(bodies)} bodies have {len(names)} names: give one to each.")
     asked = None if unit is None else parse_unit(unit)
-    told = _Telling(on_progress, len(bodies), template is None)
+    told = _ProgressCount(on_progress, len(bodies), template is None)
     work = _Work(bodies, names, asked, seed, processes)
     if template is None:
-        template = _learned_template(work, n, told)
+        template = _find_template(work, n, told)
     told.message = "fitted"
     fitted = work.fit(range(len(bodies)), template, told)
-    return _checked(_gathered(fitted, template, names, asked or fitted[0].unit))
+    return _warn_of_oddities(_gather(fitted, template, names, asked or fitted[0].unit))
 
 
-class _Telling:
+class _ProgressCount:
     """Says how far the work is: the rounds for the template, then all bodies."""
 
     def __init__(self, told: Progress | None, bodies: int, with_template: bool) -> None:
@@ -118,7 +118,7 @@ class _Telling:
         self._told, self._all, self._done = told, bodies + rounds * min(bodies, _FOR_TEMPLATE), 0
         self.message = "seen for the template"
 
-    def one(self) -> None:
+    def count_one(self) -> None:
         self._done += 1
         if self._told is not None:
             self._told(self._done / self._all, f"{self._done} of {self._all} bodies {self.message}")
@@ -173,33 +173,33 @@ class _Work:
     ) -> None:
         self.bodies, self.names, self.unit, self.seed, self.processes = bodies, names, unit, seed, processes
 
-    def fit(self, rows: Sequence[int], template: Template, told: _Telling) -> list[FittedBody]:
+    def fit(self, rows: Sequence[int], template: Template, told: _ProgressCount) -> list[FittedBody]:
         """Return the fits of these bodies, in this order."""
         job = _TemplateFits(self.bodies, self.names, self.unit, self.seed, template)
         pool = WorkerPool(job, 0 if self.processes == 1 else self.processes)
-        return pool.map(rows, lambda _row, _fitted: told.one())
+        return pool.map(rows, lambda _row, _fitted: told.count_one())
 
 
-def _learned_template(work: _Work, n: int, told: _Telling) -> Template:
+def _find_template(work: _Work, n: int, told: _ProgressCount) -> Template:
     """Return a template for the bodies, from an even sample of them where they are many."""
     orbit_kinds(n)  # a bad number of control points is said before any work
     count = len(work.bodies)
     rows = np.unique(np.linspace(0, count - 1, min(count, _FOR_TEMPLATE)).astype(int)).tolist()
     prepared = []
     for row in rows:
-        prepared.append(prepared_body(work.bodies[row], unit=work.unit, seed=work.seed, name=work.names[row]))
-        told.one()
-    template = template_of(prepared, n)
+        prepared.append(prepare_body(work.bodies[row], unit=work.unit, seed=work.seed, name=work.names[row]))
+        told.count_one()
+    template = make_template(prepared, n)
     del prepared
     for _ in range(_TEMPLATE_ROUNDS):
         fitted = work.fit(rows, template, told)
-        template = learned_template(
+        template = learn_template(
             np.stack([one.centers for one in fitted]), np.stack([one.log_weights for one in fitted])
         )
     return template
 
 
-def _gathered(
+def _gather(
     fitted: Sequence[FittedBody], template: Template, names: Sequence[str], unit: str
 ) -> Serialization:
     return Serialization(
@@ -214,7 +214,7 @@ def _gathered(
     )
 
 
-def copies(serialization: Serialization) -> Int[np.ndarray, " copies"]:
+def find_copies(serialization: Serialization) -> Int[np.ndarray, " copies"]:
     """Return the rows of avatars that have the shape of one before them."""
     shapes = np.concatenate(
         [serialization.centers.reshape(len(serialization), -1), serialization.log_weights], axis=1
@@ -225,14 +225,14 @@ def copies(serialization: Serialization) -> Int[np.ndarray, " copies"]:
     )
 
 
-def _checked(serialization: Serialization) -> Serialization:
+def _warn_of_oddities(serialization: Serialization) -> Serialization:
     """Return serialized avatars as they are, after warnings of what is odd about them."""
 
     def listed(rows: np.ndarray) -> str:
         some = ", ".join(f"'{serialization.names[int(row)]}'" for row in rows[:3])
         return some + (", ..." if len(rows) > 3 else "")
 
-    count, twice = len(serialization), copies(serialization)
+    count, twice = len(serialization), find_copies(serialization)
     sizes = serialization.diameters / np.median(serialization.diameters)
     odd = np.flatnonzero((sizes > _OTHER_SIZE) | (sizes < 1 / _OTHER_SIZE))
     bad = np.flatnonzero(~serialization.valid)

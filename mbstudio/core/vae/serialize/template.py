@@ -40,7 +40,7 @@ def _free_axes(size: int) -> np.ndarray:
     return np.arange(3) < {8: 3, 4: 2, 2: 1, 1: 0}[size]
 
 
-def exchange_of(kinds: tuple[int, ...]) -> Int[np.ndarray, "8 n"]:
+def exchange_table(kinds: tuple[int, ...]) -> Int[np.ndarray, "8 n"]:
     """Return, for each flip of `FLIPS`, which control point takes each place.
 
     Within an orbit of 8 the points stand in the order of `FLIPS`; one of 4 has the first four, one
@@ -76,7 +76,7 @@ def symmetric_mean(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.nd
     log_weights : float array, shape (m, n)
     """
     kinds = orbit_kinds(centers.shape[1])
-    exchange = exchange_of(kinds)
+    exchange = exchange_table(kinds)
     middle, weight = centers.mean(axis=0), log_weights.mean(axis=0)
     places = np.mean([middle[row] * signs for row, signs in zip(exchange, FLIPS, strict=True)], axis=0)
     # Rounding must not break the symmetry: every orbit follows its first point.
@@ -85,7 +85,7 @@ def symmetric_mean(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.nd
     return Template(spread_orbits(places[starts], kinds), np.repeat(mean_weight[starts], kinds), exchange)
 
 
-def learned_template(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.ndarray, "m n"]) -> Template:
+def learn_template(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.ndarray, "m n"]) -> Template:
     """Return the symmetric mean of serialized avatars, stiff where they and their flips vary little.
 
     The stiffness is the inverse of their covariance, to which a tenth of the mean variance is added,
@@ -118,7 +118,7 @@ def learned_template(centers: Float[np.ndarray, "m n 3"], log_weights: Float[np.
     return replace(mean, stiffness=0.5 * (stiffness + stiffness.T))
 
 
-def first_template(n: int, radii: Float[np.ndarray, " d"], directions: Float[np.ndarray, "d 3"]) -> Template:
+def spread_template(n: int, radii: Float[np.ndarray, " d"], directions: Float[np.ndarray, "d 3"]) -> Template:
     """Return `n` symmetric control points spread through a star-shaped body, of equal weights.
 
     Parameters
@@ -143,7 +143,7 @@ def first_template(n: int, radii: Float[np.ndarray, " d"], directions: Float[np.
     depth = np.cbrt(rng.uniform(0.35**3, 0.85**3, _CANDIDATES))
     places = directions[chosen] * (radii[chosen] * depth)[:, None]
     free = np.array([_free_axes(size) for size in kinds])
-    generators = _far_apart(places, free)
+    generators = _start_far_apart(places, free)
     for _ in range(_LLOYD_ROUNDS):
         owner = _squared_distances(places, generators, kinds).argmin(axis=1)
         for i in range(len(kinds)):
@@ -154,7 +154,7 @@ def first_template(n: int, radii: Float[np.ndarray, " d"], directions: Float[np.
     surface = directions * radii[:, None]
     field = (1.0 / ((surface[:, None] - centers[None]) ** 2).sum(axis=2)).sum(axis=1)
     weight = -float(np.mean(np.log(field)))
-    return Template(centers, np.full(n, weight), exchange_of(kinds))
+    return Template(centers, np.full(n, weight), exchange_table(kinds))
 
 
 def _squared_distances(
@@ -172,7 +172,7 @@ def _squared_distances(
     )
 
 
-def _far_apart(places: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _start_far_apart(places: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return a start for Lloyd's iteration: each generator as far as can be from those before it."""
     generators = np.zeros((len(free), 3))
     nearest = np.full(len(places), np.inf)

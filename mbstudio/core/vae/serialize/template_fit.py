@@ -16,7 +16,7 @@ from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
-from mbstudio.core.vae.serialize.fit_target import prepared_body
+from mbstudio.core.vae.serialize.fit_target import prepare_body
 from mbstudio.core.vae.serialize.frame import PrincipalFrame
 from mbstudio.core.vae.serialize.serialization import Template
 from mbstudio.core.vae.serialize.template import PLACE_SCALE, WEIGHT_SCALE
@@ -95,7 +95,7 @@ class TemplateFit(Refinement):
     def __init__(
         self, prepared: PreparedGrain, frame: PrincipalFrame, template: Template, settings: RefineSettings
     ) -> None:
-        start = start_of(template, prepared, frame)
+        start = place_template(template, prepared, frame)
         self._held = np.concatenate([np.log(start[3]), start[:3].ravel()])
         self._stiffness = _stiffness_in(template, frame.axes, frame.diameter / prepared.scale)
         self.ridge = 0.0
@@ -143,7 +143,7 @@ def _stiffness_in(
     return turned
 
 
-def start_of(
+def place_template(
     template: Template, prepared: PreparedGrain, frame: PrincipalFrame
 ) -> Float64[np.ndarray, "4 n"]:
     """Return the template laid into a body: rows x, y, z, k in the body's working frame."""
@@ -163,7 +163,7 @@ def fit_body(
     Parameters
     ----------
     prepared, frame
-        From `prepared_body`.
+        From `prepare_body`.
     template : Template
     settings : TemplateFitSettings, optional
     """
@@ -176,8 +176,8 @@ def fit_body(
         search.descend(steps)
     if settings.area_steps and search.strive_for_area():
         search.descend(settings.area_steps)
-    found = _made_sound(search, settings)
-    matched = volume_matched(search.control, prepared.volume)
+    found = _make_sound(search, settings)
+    matched = match_volume(search.control, prepared.volume)
     if found.is_sound and np.abs(np.log(matched[3] / search.control[3])).max() > 1e-3:
         found = topology(matched)
     search.control = matched
@@ -213,10 +213,10 @@ def fit_from_template(
     SerializationError
         If the body cannot be prepared for a fit.
     """
-    return fit_body(*prepared_body(body, unit=unit, seed=seed, name=name), template)
+    return fit_body(*prepare_body(body, unit=unit, seed=seed, name=name), template)
 
 
-def _made_sound(search: TemplateFit, settings: TemplateFitSettings) -> Topology:
+def _make_sound(search: TemplateFit, settings: TemplateFitSettings) -> Topology:
     """Go on until the avatar is one piece without a void, as far as that succeeds; return what it is then."""
     rng = np.random.default_rng(0)
     found = topology(search.control)
@@ -246,7 +246,7 @@ def _pull_in(search: TemplateFit, found: Topology) -> None:
     search.set_control(control)
 
 
-def volume_matched(control: Float64[np.ndarray, "4 n"], volume: float) -> Float64[np.ndarray, "4 n"]:
+def match_volume(control: Float64[np.ndarray, "4 n"], volume: float) -> Float64[np.ndarray, "4 n"]:
     """Return control points with all k times one factor, so that the solid has this volume."""
     matched = control.copy()
     power, moved, before = 1.5, 0.0, 0.0

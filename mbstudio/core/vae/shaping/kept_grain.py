@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import StyleError
-from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, carried_out, recipe_of, style_digest
+from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, carry_out, read_recipe, style_digest
 
 if TYPE_CHECKING:
     from mbstudio.core.metaball.avatar import Avatar
@@ -55,7 +55,7 @@ class KeptGrain:
         return {**self.recipe.as_record(), "factors": list(self.factors), "unit": self.unit}
 
 
-def kept_of(record: Mapping[str, Any]) -> KeptGrain:
+def read_kept_grain(record: Mapping[str, Any]) -> KeptGrain:
     """Return the grain of a record that :meth:`KeptGrain.as_record` made.
 
     Raises
@@ -65,12 +65,12 @@ def kept_of(record: Mapping[str, Any]) -> KeptGrain:
     """
     try:
         factors = tuple(float(value) for value in record["factors"])
-        return KeptGrain(recipe_of(record), factors, str(record["unit"]))
+        return KeptGrain(read_recipe(record), factors, str(record["unit"]))
     except (KeyError, TypeError, ValueError) as error:
         raise StyleError(f"A kept grain lacks {error}, or holds something else there.") from None
 
 
-def measured(learner: StyleLearner, recipes: Sequence[Recipe]) -> tuple[KeptGrain, ...]:
+def measure_recipes(learner: StyleLearner, recipes: Sequence[Recipe]) -> tuple[KeptGrain, ...]:
     """Return recipes as kept grains, with their factors."""
     from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
 
@@ -91,7 +91,7 @@ def is_sound(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> bool:
     return topology(learner.decode(np.asarray(latent)[None]).avatar(0).control).is_sound
 
 
-def sound_variations(
+def find_variations(
     learner: StyleLearner,
     latent: Float[np.ndarray, " d"],
     given: Mapping[str, Any],
@@ -119,7 +119,7 @@ def sound_variations(
     for number in range(seed, seed + _TRIALS * count):
         words = f"noise σ {given['sigma']:g} (seed {number})"
         operation = Operation("noise", {**given, "seed": number}, words)
-        moved = carried_out(learner, latent, operation, meanings)[0]
+        moved = carry_out(learner, latent, operation, meanings)[0]
         if is_sound(learner, moved):
             made.append((moved, operation))
         if progress is not None:
@@ -129,7 +129,7 @@ def sound_variations(
     return made
 
 
-def of_style(kept: Sequence[KeptGrain], learner: StyleLearner | None) -> tuple[KeptGrain, ...]:
+def select_style(kept: Sequence[KeptGrain], learner: StyleLearner | None) -> tuple[KeptGrain, ...]:
     """Return those of the grains that a style-learner can make."""
     if learner is None or not kept:
         return ()
@@ -143,7 +143,7 @@ def next_number(kept: Sequence[KeptGrain]) -> int:
     return 1 + max((int(match[1]) for match in found if match), default=0)
 
 
-def renamed(
+def rename_grain(
     kept: Sequence[KeptGrain], name: str, to: str, taken: Sequence[str] = ()
 ) -> tuple[KeptGrain, ...]:
     """Return the grains with one of them called otherwise.
@@ -173,7 +173,7 @@ def file_name(name: str) -> str:
     return name.replace(" ", "_")
 
 
-def to_export(
+def prepare_export(
     learner: StyleLearner, kept: Sequence[KeptGrain]
 ) -> tuple[list[Avatar], list[str], dict[str, str]]:
     """Return avatars, names of their files, and what lies beside them: the recipes as JSON."""

@@ -32,7 +32,7 @@ FARTHEST = 4.0
 """Standard deviations of a latent variable among the parents beyond which a vector counts as far outside."""
 
 
-def checked_latent(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Float64[np.ndarray, " d"]:
+def check_latent(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Float64[np.ndarray, " d"]:
     """Return a copy of a latent vector; StyleError unless it is one of this style-learner's."""
     vector = np.array(latent, dtype=np.float64)
     if vector.shape != (learner.dimension,) or not np.isfinite(vector).all():
@@ -43,7 +43,7 @@ def checked_latent(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Fl
     return vector
 
 
-def noisy(
+def add_noise(
     learner: StyleLearner, latent: Float[np.ndarray, " d"], sigma: float, seed: int = 0, count: int = 1
 ) -> Float64[np.ndarray, "count d"]:
     """Return variations of a grain: z + sigma L e, with L L' the parents' covariance and e from N(0, 1).
@@ -66,7 +66,7 @@ def noisy(
         raise StyleError(
             f"Noise of sigma = {sigma} for {count} grains cannot be: give sigma >= 0, count >= 1."
         )
-    here = checked_latent(learner, latent)
+    here = check_latent(learner, latent)
     values, vectors = np.linalg.eigh(_covariance(learner))
     # Of no length in directions in which the parents do not differ.
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -76,11 +76,11 @@ def noisy(
     return latents
 
 
-def aligned_to(
+def align_to(
     learner: StyleLearner, latent: Float[np.ndarray, " d"], other: Float[np.ndarray, " d"]
 ) -> Float64[np.ndarray, " d"]:
     """Return the other grain's latent vector in that of its eight flips whose surface is nearest."""
-    here, other = checked_latent(learner, latent), checked_latent(learner, other)
+    here, other = check_latent(learner, latent), check_latent(learner, other)
     if learner.signs is None:
         return other
     flipped = other * learner.signs
@@ -88,7 +88,7 @@ def aligned_to(
     return np.asarray(flipped[np.square(logs[1:] - logs[0]).sum(axis=1).argmin()])
 
 
-def interpolated(
+def interpolate(
     learner: StyleLearner,
     first: Float[np.ndarray, " d"],
     second: Float[np.ndarray, " d"],
@@ -112,13 +112,13 @@ def interpolated(
         raise StyleError(
             "Shares of an interpolation must be finite numbers, 0 for the first grain, 1 for the last."
         )
-    start = checked_latent(learner, first)
-    way = aligned_to(learner, start, second) - start
+    start = check_latent(learner, first)
+    way = align_to(learner, start, second) - start
     latents: np.ndarray = start + alpha[:, None] * way
     return latents
 
 
-def morphed(
+def morph(
     learner: StyleLearner, first: Float[np.ndarray, " d"], second: Float[np.ndarray, " d"], steps: int = 11
 ) -> Float64[np.ndarray, "steps d"]:
     """Return an interpolation in steps of which each changes the surface by as much as any other.
@@ -138,17 +138,17 @@ def morphed(
         raise StyleError(f"The interpolation cannot have {steps} steps: give 2 or more.")
     shares = np.linspace(0.0, 1.0, _FINE * (steps - 1) + 1)
     for _ in range(2):
-        logs = log_radii(learner.decode(interpolated(learner, first, second, shares)))
+        logs = log_radii(learner.decode(interpolate(learner, first, second, shares)))
         changes = np.sqrt(np.square(np.diff(logs, axis=0)).mean(axis=1))
         travelled = np.concatenate([[0.0], np.cumsum(changes)])
         if travelled[-1] <= 1e-12:
             break
         even = np.interp(np.linspace(0.0, travelled[-1], len(shares)), travelled, shares)
         shares = even
-    return interpolated(learner, first, second, shares[::_FINE])
+    return interpolate(learner, first, second, shares[::_FINE])
 
 
-def blended(
+def blend(
     learner: StyleLearner, latents: Float[np.ndarray, "grains d"], weights: Sequence[float]
 ) -> Float64[np.ndarray, " d"]:
     """Return the weighted sum of grains about the parents' mean, all flipped to lie like the first.
@@ -164,17 +164,17 @@ def blended(
     StyleError
         If there are no grains, numbers differ, or a weight is not finite.
     """
-    vectors = [checked_latent(learner, latent) for latent in latents]
+    vectors = [check_latent(learner, latent) for latent in latents]
     share = np.asarray(weights, dtype=np.float64)
     if not vectors or share.shape != (len(vectors),) or not np.isfinite(share).all():
         raise StyleError(f"{len(vectors)} grains need as many finite weights, not {list(weights)}.")
-    alike = np.stack([vectors[0], *(aligned_to(learner, vectors[0], other) for other in vectors[1:])])
+    alike = np.stack([vectors[0], *(align_to(learner, vectors[0], other) for other in vectors[1:])])
     mean = mean_latent(learner)
-    blend: np.ndarray = mean + share @ (alike - mean)
-    return blend
+    summed: np.ndarray = mean + share @ (alike - mean)
+    return summed
 
 
-def projected(learner: StyleLearner, bodies: Sequence[Body]) -> Float64[np.ndarray, "bodies d"]:
+def project_bodies(learner: StyleLearner, bodies: Sequence[Body]) -> Float64[np.ndarray, "bodies d"]:
     """Return the latent vectors of grains, meshes or avatars of any n, fitted from the learner's template.
 
     Raises
@@ -200,14 +200,14 @@ def farthest(learner: StyleLearner, deviations_away: float = FARTHEST) -> Float6
 
 def is_far_outside(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> bool:
     """Return whether a latent variable lies farther from the parents' mean than any reasonable grain's."""
-    away = np.abs(checked_latent(learner, latent) - mean_latent(learner))
+    away = np.abs(check_latent(learner, latent) - mean_latent(learner))
     return bool((away > farthest(learner) + 1e-9).any())
 
 
-def clamped(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Float64[np.ndarray, " d"]:
+def clamp(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Float64[np.ndarray, " d"]:
     """Return the latent vector with every variable no farther from the parents' mean than is reasonable."""
     mean, most = mean_latent(learner), farthest(learner)
-    clipped: np.ndarray = np.clip(checked_latent(learner, latent), mean - most, mean + most)
+    clipped: np.ndarray = np.clip(check_latent(learner, latent), mean - most, mean + most)
     return clipped
 
 

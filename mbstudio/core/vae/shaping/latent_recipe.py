@@ -18,7 +18,7 @@ from jaxtyping import Float, Float64
 from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.shaping import latent as by_hand
-from mbstudio.core.vae.shaping.meaning import Meanings, added
+from mbstudio.core.vae.shaping.meaning import Meanings, add_difference
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 
 BEYOND = "beyond"
@@ -78,7 +78,7 @@ class Recipe:
         """The operations in one line."""
         return ", ".join(operation.words or operation.kind for operation in self.operations)
 
-    def retraced(self, learner: StyleLearner, meanings: Meanings | None = None) -> Float64[np.ndarray, " d"]:
+    def retrace(self, learner: StyleLearner, meanings: Meanings | None = None) -> Float64[np.ndarray, " d"]:
         """Return the latent vector found by carrying out all operations again.
 
         Raises
@@ -92,7 +92,7 @@ class Recipe:
             )
         found = by_hand.mean_latent(learner)
         for operation in self.operations:
-            found = carried_out(learner, found, operation, meanings)[0]
+            found = carry_out(learner, found, operation, meanings)[0]
         return found
 
     def as_record(self) -> dict[str, Any]:
@@ -101,7 +101,7 @@ class Recipe:
         return {"name": self.name, "style": self.style, "z": list(self.latent), "operations": steps}
 
 
-def recipe_of(record: Mapping[str, Any]) -> Recipe:
+def read_recipe(record: Mapping[str, Any]) -> Recipe:
     """Return the recipe of a record that :meth:`Recipe.as_record` made.
 
     Raises
@@ -125,7 +125,7 @@ def style_digest(learner: StyleLearner) -> str:
     return hashlib.sha256(np.round(learner.latents, 9).tobytes()).hexdigest()[:16]
 
 
-def carried_out(
+def carry_out(
     learner: StyleLearner,
     latent: Float[np.ndarray, " d"],
     operation: Operation,
@@ -144,82 +144,88 @@ def carried_out(
         raise StyleError(
             f"'{operation.kind}' is no operation on latent vectors: use {', '.join(OPERATIONS)}."
         )
-    here = by_hand.checked_latent(learner, latent)
+    here = by_hand.check_latent(learner, latent)
     try:
         moved = OPERATIONS[operation.kind](learner, here, operation.given, meanings)
     except KeyError as error:
         raise StyleError(f"Operation '{operation.kind}' lacks {error}.") from None
     outside = by_hand.is_far_outside(learner, moved)
     held = outside and not operation.given.get(BEYOND)
-    return (by_hand.clamped(learner, moved) if held else moved), outside
+    return (by_hand.clamp(learner, moved) if held else moved), outside
 
 
 # ---- the operations --------------------------------------------------------------------------------
 
 
-def _begin(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
+def _begin_at_parent(
+    learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object
+) -> np.ndarray:
     names = learner.parents.names
     if given["parent"] not in names:
         raise StyleError(f"The style-learner has no parent '{given['parent']}'.")
     return np.array(learner.latents[names.index(given["parent"])])
 
 
-def _average(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
+def _go_to_average(
+    learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object
+) -> np.ndarray:
     return np.array(by_hand.mean_latent(learner))
 
 
-def _take(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
-    return by_hand.checked_latent(learner, given["latent"])
+def _take_latent(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
+    return by_hand.check_latent(learner, given["latent"])
 
 
-def _reach(
+def _reach_meaning(
     learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], meanings: Meanings | None
 ) -> np.ndarray:
     """Bring one meaning to a value, given in standard deviations about the parents' mean."""
-    known = _required(meanings)
+    known = _require_meanings(meanings)
     name = given["meaning"]
-    moved = known.brought(here, {name: float(given["to"])}, corrections=_ON_THE_WAY)
-    return _locked(learner, here, moved, given, None)
+    moved = known.bring_to(here, {name: float(given["to"])}, corrections=_ON_THE_WAY)
+    return _restore_locked(learner, here, moved, given, None)
 
 
-def _component(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
+def _set_component(
+    learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object
+) -> np.ndarray:
     moved = here.copy()
     moved[int(given["component"])] = float(given["to"])
     return moved
 
 
-def _noise(
+def _make_noisy(
     learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], meanings: Meanings | None
 ) -> np.ndarray:
-    moved = by_hand.noisy(learner, here, float(given["sigma"]), int(given["seed"]))[0]
-    return _locked(learner, here, moved, given, meanings)
+    moved = by_hand.add_noise(learner, here, float(given["sigma"]), int(given["seed"]))[0]
+    return _restore_locked(learner, here, moved, given, meanings)
 
 
-def _random(
+def _draw_random(
     learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], meanings: Meanings | None
 ) -> np.ndarray:
-    return _locked(learner, here, learner.sample(1, int(given["seed"])).latents[0], given, meanings)
+    return _restore_locked(learner, here, learner.sample(1, int(given["seed"])).latents[0], given, meanings)
 
 
-def _between(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
+def _go_between(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
     first, second = (np.asarray(given[key], dtype=np.float64) for key in ("a", "b"))
-    latent: np.ndarray = by_hand.interpolated(learner, first, second, [float(given["share"])])[0]
+    latent: np.ndarray = by_hand.interpolate(learner, first, second, [float(given["share"])])[0]
     return latent
 
 
-def _sum(
+def _add_grains(
     learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], meanings: Meanings | None
 ) -> np.ndarray:
     plus, minus, base = (np.asarray(given[key], dtype=np.float64) for key in ("a", "b", "c"))
-    told = _required(meanings) if given["told"] else None
-    return added(learner, base, plus, minus, float(given["strength"]), meanings=told)
+    told = _require_meanings(meanings) if given["told"] else None
+    return add_difference(learner, base, plus, minus, float(given["strength"]), meanings=told)
 
 
-def _place(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
+def _go_to_place(learner: StyleLearner, here: np.ndarray, given: Mapping[str, Any], _: object) -> np.ndarray:
     return by_hand.latent_map(learner).latent_at(np.asarray(given["place"], dtype=np.float64), here)
 
 
-def _locked(
+def _restore_locked(
     learner: StyleLearner,
     before: np.ndarray,
     after: np.ndarray,
@@ -233,12 +239,12 @@ def _locked(
     if names and meanings is not None:
         units = meanings.units(meanings.factors(before[None]))[0]
         back = {name: float(units[MEANINGS.index(name)]) for name in names}
-        moved = meanings.brought(moved, back, corrections=_CORRECTIONS)
+        moved = meanings.bring_to(moved, back, corrections=_CORRECTIONS)
         moved[components] = before[components]
     return moved
 
 
-def _required(meanings: Meanings | None) -> Meanings:
+def _require_meanings(meanings: Meanings | None) -> Meanings:
     if meanings is None:
         raise StyleError("The meanings of this style-learner are not there yet: wait a moment and try again.")
     return meanings
@@ -247,7 +253,15 @@ def _required(meanings: Meanings | None) -> Meanings:
 OPERATIONS: Mapping[
     str, Callable[[StyleLearner, np.ndarray, Mapping[str, Any], Meanings | None], np.ndarray]
 ] = {
-    "begin": _begin, "average": _average, "take": _take, "reach": _reach, "component": _component,
-    "noise": _noise, "random": _random, "between": _between, "sum": _sum, "place": _place,
-}  # fmt: skip
+    "begin": _begin_at_parent,
+    "average": _go_to_average,
+    "take": _take_latent,
+    "reach": _reach_meaning,
+    "component": _set_component,
+    "noise": _make_noisy,
+    "random": _draw_random,
+    "between": _go_between,
+    "sum": _add_grains,
+    "place": _go_to_place,
+}
 """Every kind of operation: (learner, latent, given, meanings) to the latent vector after it."""

@@ -12,7 +12,7 @@ from mbstudio.core.metaball.field import field_and_gradient_at, solid_bounds
 from mbstudio.core.metaball.surface import sample_solid, volume_and_area_on_grid
 from mbstudio.core.metaball.topology import topology
 from mbstudio.core.vae.models.style_learner import StyleLearner
-from mbstudio.core.vae.shaping.latent import checked_latent
+from mbstudio.core.vae.shaping.latent import check_latent
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS, meaning_factors
 
 MOVING, AT_REST = 48, 96
@@ -90,7 +90,7 @@ def live_grain(
     StyleError
         If the latent vector is none of this learner.
     """
-    vector = checked_latent(learner, latent)
+    vector = check_latent(learner, latent)
     decoded = learner.decode(vector[None], names=(name,))
     avatar = decoded.avatar(0)
     control = avatar.control

@@ -20,7 +20,7 @@ from mbstudio.core.vae.models.sampling import flip_moments
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.serialize.serialization import Serialization
 from mbstudio.core.vae.shaping.factor_search import FactorSearch, Place
-from mbstudio.core.vae.shaping.latent import aligned_to, checked_latent, farthest
+from mbstudio.core.vae.shaping.latent import align_to, check_latent, farthest
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS, meaning_factors
 
 _PARTS = 50
@@ -63,7 +63,9 @@ class Meanings:
     known: Float[np.ndarray, "parents 5"]
 
     @classmethod
-    def of(cls, learner: StyleLearner, *, on_progress: Callable[[float], object] | None = None) -> Meanings:
+    def measure(
+        cls, learner: StyleLearner, *, on_progress: Callable[[float], object] | None = None
+    ) -> Meanings:
         """Return the meaning directions of a style-learner: its parents are measured.
 
         Parameters
@@ -125,7 +127,7 @@ class Meanings:
         standard: np.ndarray = (factors - self.mean) / self.deviation
         return standard
 
-    def moved(
+    def move_along(
         self, latent: Float[np.ndarray, " d"], steps: Mapping[str, float], *, corrections: int = _ROUNDS
     ) -> Float64[np.ndarray, " d"]:
         """Return a latent vector moved along meanings, every other factor held still.
@@ -148,15 +150,15 @@ class Meanings:
         Steps end where the parents' range does. What cannot be had with all others still is shared: a
         grain as flat as it can be for its sphericity becomes a little less spherical.
         """
-        here = checked_latent(self.learner, latent)
+        here = check_latent(self.learner, latent)
         self._require_known(steps)
         change = np.array([float(steps.get(name, 0.0)) for name in MEANINGS])
         if not change.any():
             return here
         start = self.search.place(here)
-        return self._moved(start, start.units + change, change != 0.0, corrections)
+        return self._move(start, start.units + change, change != 0.0, corrections)
 
-    def brought(
+    def bring_to(
         self, latent: Float[np.ndarray, " d"], values: Mapping[str, float], *, corrections: int = _ROUNDS
     ) -> Float64[np.ndarray, " d"]:
         """Return a latent vector moved along meanings to given values, every other factor held still.
@@ -167,27 +169,27 @@ class Meanings:
         values : mapping of str to float
             Meaning -> factor, in standard deviations about the parents' mean.
         corrections : int
-            As in :meth:`moved`.
+            As in :meth:`move_along`.
 
         Raises
         ------
         StyleError
             If a meaning is not known, or a value is not finite.
         """
-        here = checked_latent(self.learner, latent)
+        here = check_latent(self.learner, latent)
         self._require_known(values)
         start = self.search.place(here)
         goal = np.array([values.get(name, now) for name, now in zip(MEANINGS, start.units, strict=True)])
         asked = np.array([name in values for name in MEANINGS])
-        return self._moved(start, goal, asked, corrections)
+        return self._move(start, goal, asked, corrections)
 
-    def _moved(self, start: Place, goal: np.ndarray, asked: np.ndarray, rounds: int) -> np.ndarray:
+    def _move(self, start: Place, goal: np.ndarray, asked: np.ndarray, rounds: int) -> np.ndarray:
         goal = self._within_reach(start.units, goal)
         longest = max(float(np.abs(goal - start.units).max()), _LEAST_STEP)
         slack = np.where(asked, _ASKED, _HELD * longest)
         return self.search.nearest(start, goal, slack, max(1, rounds)).latent
 
-    def designed(
+    def design(
         self, targets: Mapping[str, float], start: Float[np.ndarray, " d"] | None = None, *,
         tolerance: float = 0.02,
     ) -> Design:  # fmt: skip
@@ -221,7 +223,7 @@ class Meanings:
             slack[row] = 0.25 * tolerance * error / self.deviation[row]
         asked = np.isfinite(slack)
         goal = np.where(asked, (goal - self.mean) / self.deviation, 0.0)
-        given = None if start is None else checked_latent(self.learner, start)
+        given = None if start is None else check_latent(self.learner, start)
         starts = self._nearest_parents(goal, slack) if given is None else [given]
         best: Design | None = None
         for latent in starts:
@@ -244,7 +246,7 @@ class Meanings:
             values["size"] = float(np.exp(values["size"]))
         return Design(found.latent, {name: float(value) for name, value in targets.items()}, values)
 
-    def as_told(
+    def change_factors(
         self, latent: Float[np.ndarray, " d"], way: Float[np.ndarray, " d"], change: Float[np.ndarray, "5"]
     ) -> Float64[np.ndarray, " d"]:
         """Return the latent vector nearest to a way's end whose factors change as told.
@@ -256,7 +258,7 @@ class Meanings:
             Of the factors of `MEANINGS`, in standard deviations; what goes beyond the parents' range is
             left out, and roughness may miss more than the others.
         """
-        here = self.search.place(checked_latent(self.learner, latent))
+        here = self.search.place(check_latent(self.learner, latent))
         goal = self._within_reach(here.units, here.units + change)
         # What cannot be had is shared: each factor misses by a like share of its change, in its direction.
         size = np.maximum(np.abs(goal - here.units), _LEAST_STEP)
@@ -336,7 +338,7 @@ class Design:
         return self.targets.get("sphericity", 0.0) * (1.0 - tolerance) <= highest_sphericity(fullest)
 
 
-def added(
+def add_difference(
     learner: StyleLearner,
     base: Float[np.ndarray, " d"],
     plus: Float[np.ndarray, " d"],
@@ -363,12 +365,12 @@ def added(
     """
     if not np.isfinite(strength):
         raise StyleError(f"A difference cannot be added {strength} times: give a finite number.")
-    here = checked_latent(learner, base)
-    first = aligned_to(learner, here, plus)
-    second = aligned_to(learner, first, minus)
+    here = check_latent(learner, base)
+    first = align_to(learner, here, plus)
+    second = align_to(learner, first, minus)
     way = strength * (first - second)
     if meanings is None:
         there: np.ndarray = here + way
         return there
     ours, theirs = meanings.units(meanings.factors(np.stack([first, second])))
-    return meanings.as_told(here, way, strength * np.asarray(ours - theirs))
+    return meanings.change_factors(here, way, strength * np.asarray(ours - theirs))

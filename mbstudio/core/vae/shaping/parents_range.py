@@ -37,7 +37,7 @@ class ParentsRange:
     map: by_hand.LatentMap | None
 
     @classmethod
-    def of(cls, learner: StyleLearner) -> ParentsRange:
+    def measure(cls, learner: StyleLearner) -> ParentsRange:
         """Measure a style-learner's parents: about half a second for 300."""
         try:
             plane = by_hand.latent_map(learner)

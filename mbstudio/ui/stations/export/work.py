@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
-from mbstudio.core.vae.shaping.kept_grain import to_export
+from mbstudio.core.vae.shaping.kept_grain import prepare_export
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task
@@ -67,7 +67,7 @@ def chosen_clones(clones: Generation) -> ChosenAvatars:
 
 def chosen_kept(learner: StyleLearner, kept: Sequence[KeptGrain]) -> ChosenAvatars:
     """Return grains kept in the latent studio, with their recipes."""
-    avatars, names, attached = to_export(learner, kept)
+    avatars, names, attached = prepare_export(learner, kept)
     return ChosenAvatars(tuple(zip(names, avatars, strict=True)), "kept grain", attached)
 
 

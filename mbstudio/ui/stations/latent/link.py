@@ -16,7 +16,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metrics.factor_table import LATENT_MEANINGS
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.style_learner import load_style_learner
-from mbstudio.core.vae.shaping.latent import aligned_to, interpolated
+from mbstudio.core.vae.shaping.latent import align_to, interpolate
 from mbstudio.core.vae.shaping.latent_recipe import Operation
 from mbstudio.core.vae.shaping.live_grain import AT_REST, live_grain
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
@@ -297,7 +297,7 @@ class LatentLink(QObject):
         learner = self._work.learner
         if learner is None or not {"A", "B"} <= set(self.letters):
             return
-        steps = interpolated(learner, self.letters["A"][1], self.letters["B"][1], STRIP)
+        steps = interpolate(learner, self.letters["A"][1], self.letters["B"][1], STRIP)
         self.pictures.ask({f"step {place}": step for place, step in enumerate(steps)}, "strip")
 
     def _between(self, share: float, final: bool) -> None:
@@ -337,7 +337,7 @@ class LatentLink(QObject):
             return
         first = self.letters["A"][1]
         # As the interpolation takes it: mirrored to lie like A.
-        second = aligned_to(learner, first, self.letters["B"][1])
+        second = align_to(learner, first, self.letters["B"][1])
         shown = [_surface(live_grain(learner, latent, AT_REST)) for latent in (first, second)]
         self._scene.set_ghosts(*shown)
         if self._window.station == "latent":

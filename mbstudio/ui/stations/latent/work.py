@@ -15,7 +15,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.shaping import kept_grain as keeping
 from mbstudio.core.vae.shaping.kept_grain import KeptGrain
-from mbstudio.core.vae.shaping.latent_recipe import BEYOND, Operation, Recipe, carried_out, style_digest
+from mbstudio.core.vae.shaping.latent_recipe import BEYOND, Operation, Recipe, carry_out, style_digest
 from mbstudio.core.vae.shaping.live_grain import AT_REST, MOVING, LiveGrain, live_grain
 from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
@@ -102,7 +102,7 @@ class LatentWork(Work):
         self._take(None, None)
         if learner is None:
             return
-        task = Task(tr("Measuring the parents"), lambda control: ParentsRange.of(learner))
+        task = Task(tr("Measuring the parents"), lambda control: ParentsRange.measure(learner))
         task.succeeded.connect(lambda about: self._take(learner, about))
         self.queue.submit(task, lane="latent", key="about")
 
@@ -143,7 +143,7 @@ class LatentWork(Work):
             return
 
         def work(control: Control) -> Meanings:
-            return Meanings.of(
+            return Meanings.measure(
                 learner, on_progress=lambda share: control.progress(share, tr("measuring grains"))
             )
 
@@ -199,7 +199,7 @@ class LatentWork(Work):
             return
 
         def work() -> tuple[LiveGrain, Stance]:
-            moved, held = carried_out(learner, start.latent, operation, meanings)
+            moved, held = carry_out(learner, start.latent, operation, meanings)
             return live_grain(learner, moved, MOVING), Stance(moved, (operation,), held)
 
         self.live.ask(work, learner)
@@ -219,7 +219,7 @@ class LatentWork(Work):
         if learner is None or start is None:
             return False
         try:
-            latent, held = carried_out(learner, start.latent, operation, self.meanings)
+            latent, held = carry_out(learner, start.latent, operation, self.meanings)
         except MbstudioError as error:
             self.said.emit("error", str(error))
             self.render()
@@ -316,7 +316,7 @@ class LatentWork(Work):
 
         def work(control: Control) -> list[tuple[np.ndarray, Operation]]:
             at = stance.latent
-            return keeping.sound_variations(learner, at, given, count, seed, meanings, control.progress)
+            return keeping.find_variations(learner, at, given, count, seed, meanings, control.progress)
 
         def take(made: list[tuple[np.ndarray, Operation]]) -> None:
             if len(made) < count:
@@ -341,7 +341,7 @@ class LatentWork(Work):
         if self.learner is None or name == to.strip():
             return False
         try:
-            named = keeping.renamed(self.workspace.state.kept, name, to, self.learner.parents.names)
+            named = keeping.rename_grain(self.workspace.state.kept, name, to, self.learner.parents.names)
         except MbstudioError as error:
             self.said.emit("error", str(error))
             self.kept_changed.emit()
@@ -360,7 +360,7 @@ class LatentWork(Work):
         ]
         self.history.change(
             keep_told(found[0].name, len(found), first),
-            kept=(*before, *keeping.measured(self.learner, found)),
+            kept=(*before, *keeping.measure_recipes(self.learner, found)),
         )
         self.stepped.emit()
         return found

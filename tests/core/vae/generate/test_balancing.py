@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbstudio.core.vae.generate.balancing import balanced_draw, inclusion
+from mbstudio.core.vae.generate.balancing import draw_balanced, inclusion
 from mbstudio.core.vae.generate.selection import Moments, choose, novelty_rows
 
 
@@ -44,21 +44,21 @@ def test_the_draw_keeps_the_sums_and_takes_each_as_often_as_asked() -> None:
     rng = np.random.default_rng(3)
     rows = rng.normal(size=(400, 4))
     p = inclusion(rows - 0.1, 150).probabilities
-    taken = balanced_draw(p, rows, rng)
+    taken = draw_balanced(p, rows, rng)
     assert len(taken) == len(set(taken.tolist())) == 150
     # A plain draw would miss the mean by about 0.08; five undecided bodies of 150 miss less than 0.05.
     assert np.abs(rows[taken].mean(axis=0) - 0.1).max() < 0.05
     often = np.zeros(8)
     wanted = np.array([0.2, 0.5, 0.8, 0.5, 0.2, 0.3, 0.7, 0.8])
     for _ in range(1500):
-        often[balanced_draw(wanted, np.empty((8, 0)), rng)] += 1
+        often[draw_balanced(wanted, np.empty((8, 0)), rng)] += 1
     assert np.abs(often / 1500 - wanted).max() < 0.05
 
 
 def test_clones_have_the_moments_of_parents_that_were_drawn_otherwise() -> None:
     rng = np.random.default_rng(4)
     mix = np.eye(6) + 0.3
-    parents = Moments.of(rng.normal(size=(300, 6)) @ mix + 5.0)
+    parents = Moments.from_values(rng.normal(size=(300, 6)) @ mix + 5.0)
     candidates = rng.normal(size=(2500, 6)) @ (1.15 * np.eye(6) + 0.25) + 5.1
     found = choose(candidates, 1000, parents, np.random.default_rng(5))
     assert found is not None
@@ -73,7 +73,7 @@ def test_clones_have_the_moments_of_parents_that_were_drawn_otherwise() -> None:
 
 def test_candidates_that_cannot_follow_are_taken_as_far_as_they_go() -> None:
     rng = np.random.default_rng(6)
-    parents = Moments.of(rng.normal(size=(100, 6)) + 10.0)
+    parents = Moments.from_values(rng.normal(size=(100, 6)) + 10.0)
     found = choose(rng.normal(size=(300, 6)) + 4.0, 100, parents, rng)
     assert found is not None
     assert found.level > 1
@@ -82,7 +82,7 @@ def test_candidates_that_cannot_follow_are_taken_as_far_as_they_go() -> None:
 
 def test_clones_are_as_far_from_parents_as_these_from_each_other() -> None:
     rng = np.random.default_rng(7)
-    parents = Moments.of(rng.normal(size=(100, 6)) + 10.0)
+    parents = Moments.from_values(rng.normal(size=(100, 6)) + 10.0)
     among = rng.uniform(1.0, 2.0, 100)
     candidates, distances = rng.normal(size=(800, 6)) + 10.0, rng.uniform(0.8, 2.4, 800)
     found = choose(candidates, 250, parents, rng, novel=novelty_rows(distances, among))

@@ -93,7 +93,7 @@ def test_bad_calls_and_cancelling() -> None:
     with pytest.raises(GenerationError, match="processes"):
         generate(BoxLearner(PARENTS), 5, processes=0)
 
-    def stop(_share: float, _words: str) -> None:
+    def stop(_share: float, _describe_targets: str) -> None:
         raise Cancelled("enough")
 
     with pytest.raises(Cancelled):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbstudio.core.metaball.topology import topology
-from mbstudio.core.vae.models.joining import held_together
+from mbstudio.core.vae.models.joining import hold_together
 from mbstudio.core.vae.serialize.serialization import FLIPS, Serialization, Template
 from tests.core.vae.populations import population
 
@@ -45,9 +45,9 @@ def reach(enough: float) -> float:
 
 def test_bodies_in_one_piece_come_back_as_they_are() -> None:
     parents = population(12)
-    assert held_together(parents) is parents
+    assert hold_together(parents) is parents
     near = ball_and_drop(0.999 * reach(1.0))
-    assert held_together(near) is near
+    assert hold_together(near) is near
 
 
 def test_a_body_whose_ways_are_bent_comes_back_as_it_is() -> None:
@@ -56,14 +56,14 @@ def test_a_body_whose_ways_are_bent_comes_back_as_it_is() -> None:
         0.5 * FLIPS, np.full(8, 0.1)
     )  # half a diagonal: 0.866; f in the middle: 8 * 0.1 / 0.75
     assert topology(control_of(corners)).pieces == 1
-    assert held_together(corners) is corners
+    assert hold_together(corners) is corners
 
 
 @pytest.mark.parametrize("distance", [1.01, 1.3, 3.0])
 def test_a_drop_is_drawn_in_just_as_far_as_joins_it(distance: float) -> None:
     apart = ball_and_drop(distance * reach(1.0))
     assert topology(control_of(apart)).pieces == 2
-    near = held_together(apart)
+    near = hold_together(apart)
     assert topology(control_of(near)).pieces == 1
     moved = near.centers[0, 8:].mean(axis=0)
     # Twelve halvings of the way find the place to a 4,000th of it; 64 samples see the neck.
@@ -75,7 +75,7 @@ def test_a_drop_is_drawn_in_just_as_far_as_joins_it(distance: float) -> None:
 
 def test_a_drop_of_many_control_points_keeps_its_form() -> None:
     apart = ball_and_drop(1.4 * reach(1.0))
-    near = held_together(apart)
+    near = hold_together(apart)
     step = near.centers[0, 8:] - apart.centers[0, 8:]
     np.testing.assert_allclose(step, np.tile(step[:1], (8, 1)), atol=1e-12)
 
@@ -84,15 +84,15 @@ def test_flipped_avatars_are_joined_as_their_flips() -> None:
     rng = np.random.default_rng(4)
     wild = scattered(rng, 0.55)
     flips = np.array([5])
-    there = held_together(wild.flipped(flips))
-    back = held_together(wild).flipped(flips)
+    there = hold_together(wild.flipped(flips))
+    back = hold_together(wild).flipped(flips)
     np.testing.assert_allclose(there.centers, back.centers, atol=1e-9)
 
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**16), spread=st.floats(0.2, 0.8))
 def test_whatever_is_joined_is_one_piece(seed: int, spread: float) -> None:
-    near = held_together(scattered(np.random.default_rng(seed), spread))
+    near = hold_together(scattered(np.random.default_rng(seed), spread))
     assert topology(control_of(near)).pieces == 1
 
 

@@ -81,7 +81,7 @@ def test_weighted_item_is_least_where_sigma_is_the_error() -> None:
 def test_annealer_rises_straight_from_0_to_1() -> None:
     annealer = DistributionAnnealer(100, 0.4)
     assert [annealer.weight(step) for step in (0, 10, 20, 40, 99)] == [0.0, 0.25, 0.5, 1.0, 1.0]
-    assert annealer.finished == 40
+    assert annealer.end == 40
     assert DistributionAnnealer(100, 0.0).weight(0) == 1.0
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from mbstudio.core.errors import SerializationError
 from mbstudio.core.grains import Grain
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.vae.serialize.frame import name_of, principal_frame
+from mbstudio.core.vae.serialize.frame import body_name, principal_frame
 from tests.core.vae.bodies import ellipsoid
 
 TURN = Rotation.from_euler("xyz", [0.3, -0.8, 1.1])
@@ -59,8 +59,8 @@ def test_a_body_without_unit_or_volume_is_named():
 
 def test_names():
     mesh = ellipsoid((3, 2, 1))
-    assert name_of(mesh, 4) == "body 4"
+    assert body_name(mesh, 4) == "body 4"
     mesh.metadata["name"] = "pebble"
-    assert name_of(mesh, 4) == "pebble"
+    assert body_name(mesh, 4) == "pebble"
     grain = Grain(np.ones((3, 3, 3), bool), voxel_size=Grain.from_mesh(mesh, 8).voxel_size, label=12)
-    assert name_of(grain, 0) == "grain 12"
+    assert body_name(grain, 0) == "grain 12"

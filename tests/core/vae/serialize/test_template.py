@@ -8,8 +8,8 @@ import pytest
 from mbstudio.core.errors import SerializationError
 from mbstudio.core.vae.serialize.serialization import FLIPS
 from mbstudio.core.vae.serialize.template import (
-    exchange_of,
-    learned_template,
+    exchange_table,
+    learn_template,
     orbit_kinds,
     spread_orbits,
     symmetric_mean,
@@ -23,7 +23,7 @@ from tests.core.vae.bodies import ellipsoid_template
 )  # fmt: skip
 def test_every_number_is_a_sum_of_orbits(n, kinds):
     assert orbit_kinds(n) == kinds
-    assert exchange_of(kinds).shape == (8, n)
+    assert exchange_table(kinds).shape == (8, n)
 
 
 @pytest.mark.parametrize("n", [0, -3, 2.5])
@@ -40,7 +40,7 @@ def test_orbits_of_known_generators():
     assert (-1, 2, -3) in as_set
     assert (-4, 5, 0) in as_set  # one of four lies in the plane of the long and middle axis
     assert {(6, 0, 0), (-6, 0, 0), (0, 0, 0)} <= as_set
-    for row, signs in zip(exchange_of(kinds), FLIPS, strict=True):
+    for row, signs in zip(exchange_table(kinds), FLIPS, strict=True):
         np.testing.assert_array_equal(points[row] * signs, points)
 
 
@@ -73,7 +73,7 @@ def test_a_learned_template_is_soft_where_avatars_vary():
     template = ellipsoid_template(13)
     weights = np.tile(template.log_weights, (2, 1))
     weights[:, 12] += [0.5, -0.5]
-    stiffness = learned_template(np.tile(template.centers, (2, 1, 1)), weights).stiffness
+    stiffness = learn_template(np.tile(template.centers, (2, 1, 1)), weights).stiffness
     # One of 52 changes varies, by 1 in its unit of 0.5: its share of the mean variance is 52. The inverse
     # of 52 + 0.1 there and of 0.1 elsewhere, scaled so that the mean square of the changes stays 1.
     wanted = np.full(52, 521.0)
@@ -83,5 +83,5 @@ def test_a_learned_template_is_soft_where_avatars_vary():
 
 def test_avatars_that_do_not_vary_leave_all_changes_alike():
     template = ellipsoid_template(5)
-    mean = learned_template(template.centers[None], template.log_weights[None])
+    mean = learn_template(template.centers[None], template.log_weights[None])
     assert mean.stiffness is None

@@ -9,7 +9,7 @@ from mbstudio.core.vae.models.radii import log_radii
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import StyleTraining
 from mbstudio.core.vae.shaping import latent as hand
-from mbstudio.core.vae.shaping.meaning import added
+from mbstudio.core.vae.shaping.meaning import add_difference
 from tests.core.vae.boxes import boxes
 
 
@@ -27,14 +27,14 @@ def surfaces(learner: StyleLearner, latents: np.ndarray) -> np.ndarray:
 
 def test_noise_goes_farther_the_same_way(learner: StyleLearner) -> None:
     here = learner.latents[0]
-    near, far = (hand.noisy(learner, here, sigma, seed=3)[0] - here for sigma in (0.2, 0.8))
+    near, far = (hand.add_noise(learner, here, sigma, seed=3)[0] - here for sigma in (0.2, 0.8))
     np.testing.assert_allclose(far, 4 * near)
-    assert not np.allclose(hand.noisy(learner, here, 0.2, seed=4)[0] - here, near)
-    np.testing.assert_array_equal(hand.noisy(learner, here, 0.0, seed=4)[0], here)
+    assert not np.allclose(hand.add_noise(learner, here, 0.2, seed=4)[0] - here, near)
+    np.testing.assert_array_equal(hand.add_noise(learner, here, 0.0, seed=4)[0], here)
 
 
 def test_noise_has_the_covariance_of_the_parents(learner: StyleLearner) -> None:
-    strayed = hand.noisy(learner, learner.latents[0], 1.0, seed=0, count=4000) - learner.latents[0]
+    strayed = hand.add_noise(learner, learner.latents[0], 1.0, seed=0, count=4000) - learner.latents[0]
     np.testing.assert_allclose(strayed.std(axis=0), hand.deviations(learner), rtol=0.06)
 
 
@@ -43,15 +43,15 @@ def test_interpolation_takes_the_nearest_flip(learner: StyleLearner) -> None:
     first = learner.latents[0]
     mirrored = first * learner.signs[3]
     assert np.abs(mirrored - first).max() > 1e-3
-    ways = hand.interpolated(learner, first, mirrored, [0.0, 0.5, 1.0])
+    ways = hand.interpolate(learner, first, mirrored, [0.0, 0.5, 1.0])
     np.testing.assert_allclose(ways, np.tile(first, (3, 1)), atol=1e-9)
-    ends = hand.interpolated(learner, first, learner.latents[5], [0.0, 1.0])
+    ends = hand.interpolate(learner, first, learner.latents[5], [0.0, 1.0])
     np.testing.assert_array_equal(ends[0], first)
     assert any(np.allclose(ends[1], learner.latents[5] * row) for row in learner.signs)
 
 
 def test_every_step_of_a_morph_is_as_long(learner: StyleLearner) -> None:
-    way = hand.morphed(learner, learner.latents[1], learner.latents[7], 9)
+    way = hand.morph(learner, learner.latents[1], learner.latents[7], 9)
     steps = np.sqrt(np.square(np.diff(surfaces(learner, way), axis=0)).mean(axis=1))
     assert way.shape == (9, learner.dimension)
     assert steps.max() < 1.05 * steps.mean()
@@ -60,9 +60,9 @@ def test_every_step_of_a_morph_is_as_long(learner: StyleLearner) -> None:
 
 def test_sums_of_grains(learner: StyleLearner) -> None:
     base, other = learner.latents[2], learner.latents[3]
-    np.testing.assert_allclose(added(learner, base, other, other, 1.0), base, atol=1e-9)
-    np.testing.assert_allclose(hand.blended(learner, np.stack([base, base]), [0.5, 0.5]), base, atol=1e-9)
-    np.testing.assert_allclose(hand.blended(learner, base[None], [0.0]), hand.mean_latent(learner))
+    np.testing.assert_allclose(add_difference(learner, base, other, other, 1.0), base, atol=1e-9)
+    np.testing.assert_allclose(hand.blend(learner, np.stack([base, base]), [0.5, 0.5]), base, atol=1e-9)
+    np.testing.assert_allclose(hand.blend(learner, base[None], [0.0]), hand.mean_latent(learner))
 
 
 def test_outside_and_clamped(learner: StyleLearner) -> None:
@@ -71,7 +71,7 @@ def test_outside_and_clamped(learner: StyleLearner) -> None:
     far[0] += 9 * spread[0]
     assert not hand.is_far_outside(learner, inside)
     assert hand.is_far_outside(learner, far)
-    back = hand.clamped(learner, far)
+    back = hand.clamp(learner, far)
     assert not hand.is_far_outside(learner, back)
     np.testing.assert_array_equal(back[1:], far[1:])
 
@@ -99,8 +99,8 @@ def test_the_map_leads_there_and_back(learner: StyleLearner) -> None:
 
 def test_a_grain_that_was_learned_is_projected_to_its_place(learner: StyleLearner) -> None:
     parent = learner.parents.avatar(0)
-    found = hand.projected(learner, [parent])
-    near = np.abs(surfaces(learner, hand.aligned_to(learner, learner.latents[0], found[0]))
+    found = hand.project_bodies(learner, [parent])
+    near = np.abs(surfaces(learner, hand.align_to(learner, learner.latents[0], found[0]))
                   - surfaces(learner, learner.latents[0]))  # fmt: skip
     assert near.max() < 0.1
 
@@ -118,20 +118,20 @@ def test_a_learner_without_flips_works_too() -> None:
             return parents.take(np.arange(len(latents)) % 8)
 
     learner = StyleLearner(Plain(), parents, latents, ModelCard.__new__(ModelCard))  # type: ignore[arg-type]
-    np.testing.assert_array_equal(hand.aligned_to(learner, latents[0], latents[1]), latents[1])
-    assert hand.noisy(learner, latents[0], 0.5).shape == (1, 33)
+    np.testing.assert_array_equal(hand.align_to(learner, latents[0], latents[1]), latents[1])
+    assert hand.add_noise(learner, latents[0], 0.5).shape == (1, 33)
 
 
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        (lambda learner: hand.noisy(learner, learner.latents[0], -1.0), "sigma"),
-        (lambda learner: hand.noisy(learner, learner.latents[0][:-1], 0.5), "does not belong"),
-        (lambda learner: hand.noisy(learner, learner.latents[0] * np.nan, 0.5), "finite"),
-        (lambda learner: hand.morphed(learner, learner.latents[0], learner.latents[1], 1), "2 or more"),
-        (lambda learner: hand.interpolated(learner, *learner.latents[:2], [np.inf]), "finite"),
-        (lambda learner: hand.blended(learner, learner.latents[:2], [1.0]), "finite weights"),
-        (lambda learner: added(learner, *learner.latents[:3], strength=np.nan), "finite"),
+        (lambda learner: hand.add_noise(learner, learner.latents[0], -1.0), "sigma"),
+        (lambda learner: hand.add_noise(learner, learner.latents[0][:-1], 0.5), "does not belong"),
+        (lambda learner: hand.add_noise(learner, learner.latents[0] * np.nan, 0.5), "finite"),
+        (lambda learner: hand.morph(learner, learner.latents[0], learner.latents[1], 1), "2 or more"),
+        (lambda learner: hand.interpolate(learner, *learner.latents[:2], [np.inf]), "finite"),
+        (lambda learner: hand.blend(learner, learner.latents[:2], [1.0]), "finite weights"),
+        (lambda learner: add_difference(learner, *learner.latents[:3], strength=np.nan), "finite"),
     ],
 )  # fmt: skip
 def test_what_cannot_be(learner: StyleLearner, what, said: str) -> None:

@@ -9,7 +9,7 @@ from mbstudio.core.errors import StyleError
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import learn
 from mbstudio.core.vae.shaping import latent as hand
-from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, carried_out, recipe_of, style_digest
+from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, carry_out, read_recipe, style_digest
 from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from tests.core.vae.boxes import boxes
@@ -22,7 +22,7 @@ def learner() -> StyleLearner:
 
 @pytest.fixture(scope="module")
 def meanings(learner: StyleLearner) -> Meanings:
-    return Meanings.of(learner)
+    return Meanings.measure(learner)
 
 
 def test_a_recipe_leads_to_the_same_grain_again(learner: StyleLearner, meanings: Meanings) -> None:
@@ -35,18 +35,18 @@ def test_a_recipe_leads_to_the_same_grain_again(learner: StyleLearner, meanings:
     )
     latent = hand.mean_latent(learner)
     for step in steps:
-        latent, _ = carried_out(learner, latent, step, meanings)
+        latent, _ = carry_out(learner, latent, step, meanings)
     kept = Recipe("kept 1", tuple(latent.tolist()), steps, style_digest(learner))
-    again = recipe_of(json.loads(json.dumps(kept.as_record())))
+    again = read_recipe(json.loads(json.dumps(kept.as_record())))
     assert again == kept
     np.testing.assert_array_equal(again.vector, latent)
-    np.testing.assert_array_equal(again.retraced(learner, meanings), latent)
+    np.testing.assert_array_equal(again.retrace(learner, meanings), latent)
 
 
 def test_a_meaning_reaches_its_value(learner: StyleLearner, meanings: Meanings) -> None:
     row = MEANINGS.index("csf")
     for wanted in (-1.0, 0.5):
-        moved, held = carried_out(
+        moved, held = carry_out(
             learner, learner.latents[0], Operation("reach", {"meaning": "csf", "to": wanted}), meanings
         )
         assert meanings.units(meanings.factors(moved[None]))[0, row] == pytest.approx(wanted, abs=0.1)
@@ -55,9 +55,9 @@ def test_a_meaning_reaches_its_value(learner: StyleLearner, meanings: Meanings) 
 
 def test_locks_hold_what_they_lock(learner: StyleLearner, meanings: Meanings) -> None:
     here = learner.latents[7]
-    free, _ = carried_out(learner, here, Operation("random", {"seed": 3}), meanings)
+    free, _ = carry_out(learner, here, Operation("random", {"seed": 3}), meanings)
     given = {"seed": 3, "meanings": ["size", "elongation"], "components": [0, 4]}
-    moved, _ = carried_out(learner, here, Operation("random", given), meanings)
+    moved, _ = carry_out(learner, here, Operation("random", given), meanings)
     np.testing.assert_array_equal(moved[[0, 4]], here[[0, 4]])
     before, after, loose = meanings.units(meanings.factors(np.stack([here, moved, free])))
     rows = [MEANINGS.index(name) for name in ("size", "elongation")]
@@ -67,9 +67,7 @@ def test_locks_hold_what_they_lock(learner: StyleLearner, meanings: Meanings) ->
 
 
 def test_what_is_far_outside_is_held_and_told(learner: StyleLearner) -> None:
-    moved, held = carried_out(
-        learner, learner.latents[0], Operation("component", {"component": 0, "to": 1e3})
-    )
+    moved, held = carry_out(learner, learner.latents[0], Operation("component", {"component": 0, "to": 1e3}))
     assert held
     limit = hand.mean_latent(learner) + hand.farthest(learner)
     assert moved[0] == pytest.approx(limit[0])
@@ -77,9 +75,9 @@ def test_what_is_far_outside_is_held_and_told(learner: StyleLearner) -> None:
 
 def test_interpolation_and_sum(learner: StyleLearner) -> None:
     a, b, c = (row.tolist() for row in learner.latents[:3])
-    start, _ = carried_out(learner, np.array(c), Operation("between", {"a": a, "b": b, "share": 0.0}))
+    start, _ = carry_out(learner, np.array(c), Operation("between", {"a": a, "b": b, "share": 0.0}))
     np.testing.assert_array_equal(start, a)
-    unchanged, _ = carried_out(
+    unchanged, _ = carry_out(
         learner, np.array(b), Operation("sum", {"a": a, "b": a, "c": c, "strength": 1.0, "told": False})
     )
     np.testing.assert_allclose(unchanged, c, atol=1e-12)
@@ -96,11 +94,11 @@ def test_interpolation_and_sum(learner: StyleLearner) -> None:
 )
 def test_what_cannot_be_done_is_refused(learner: StyleLearner, step: Operation, words: str) -> None:
     with pytest.raises(StyleError, match=words):
-        carried_out(learner, learner.latents[0], step)
+        carry_out(learner, learner.latents[0], step)
 
 
 def test_recipes_of_other_learners_and_broken_ones_are_refused(learner: StyleLearner) -> None:
     with pytest.raises(StyleError, match="another style-learner"):
-        Recipe("x", (0.0,), (), "0123456789abcdef").retraced(learner)
+        Recipe("x", (0.0,), (), "0123456789abcdef").retrace(learner)
     with pytest.raises(StyleError, match="operations"):
-        recipe_of({"name": "x", "style": "", "z": [0.0]})
+        read_recipe({"name": "x", "style": "", "z": [0.0]})

@@ -108,7 +108,7 @@ def test_kept_grains_come_back_with_their_project(shaping, rest, tmp_path, learn
     assert window.gallery.kept.names == ["kept 1"]
     assert not window.gallery.kept.item(0).icon().isNull()
     (recipe,) = work.kept
-    np.testing.assert_array_equal(recipe.retraced(work.learner, meanings), shown.latent)
+    np.testing.assert_array_equal(recipe.retrace(work.learner, meanings), shown.latent)
     work.begin_with("kept 1")
     rest()
     np.testing.assert_array_equal(work.grain.avatar.centers, shown.avatar.centers)
@@ -229,7 +229,7 @@ def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, m
     np.testing.assert_allclose(work.grain.avatar.centers, clones.clones.avatar(4).centers, atol=1e-12)
     np.testing.assert_allclose(window.studio.map.here, work.about.map.places(clones.latents[4:5])[0])
     keep(window, rest)
-    np.testing.assert_array_equal(work.kept[0].retraced(learner, meanings), clones.latents[4])
+    np.testing.assert_array_equal(work.kept[0].retrace(learner, meanings), clones.latents[4])
     # Another style-learner has no clones yet.
     window.workspace.use_style(None)
     rest()

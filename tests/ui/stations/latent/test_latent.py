@@ -158,7 +158,7 @@ def test_a_kept_grain_is_made_again_exactly_by_its_recipe(shaping, rest, learner
     rest()
     assert changed(picture, window.viewport.picture()) > 0.01
     (recipe,) = work.kept
-    np.testing.assert_array_equal(recipe.retraced(learner, work.meanings), shown.latent)
+    np.testing.assert_array_equal(recipe.retrace(learner, work.meanings), shown.latent)
     assert window.gallery.kept.names == [recipe.name]
     work.begin_with(recipe.name)
     rest()

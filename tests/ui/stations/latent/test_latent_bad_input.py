@@ -80,7 +80,7 @@ def test_far_outside_is_held_in_amber_or_let_go_in_red(shaping, rest):
     panel.keep.click()
     rest()
     (recipe,) = work.kept
-    np.testing.assert_array_equal(recipe.retraced(work.learner, work.meanings), work.stance.latent)
+    np.testing.assert_array_equal(recipe.retrace(work.learner, work.meanings), work.stance.latent)
     # Taken back, what comes next is held again.
     assert window.commands.run("latent.beyond")
     assert not work.beyond
