@@ -34,7 +34,7 @@ from PySide6.QtWidgets import QApplication
 from mbstudio.core.grains import load_labels
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.scene.layers.gallery import tray_surface
+from mbstudio.scene.layers.tray import tray_surface
 from mbstudio.ui.shell.collection import pause_collection, resume_collection
 from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.theme import Theme
@@ -106,7 +106,7 @@ def lay_out(window: MainWindow, heart: Heartbeat, count: int) -> str:
 
     def work() -> None:
         task = Task("Laying out", lambda control: tray_surface(bodies, aspect=1.5, cells=20))
-        task.succeeded.connect(lambda surface: (link.scene.set_gallery(surface, "um"), link.arrange()))
+        task.succeeded.connect(lambda surface: (link.scene.layers.tray.set(surface, "um"), link.arrange()))
         window.queue.submit(task, lane="view")
 
     window.enter("style")

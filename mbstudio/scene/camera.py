@@ -31,18 +31,18 @@ def turn(renderer: Any, view: View) -> None:
     camera.SetViewUp(*up)
 
 
-def stand(renderer: Any) -> tuple[Any, ...]:
-    """Return where the camera stands, for :func:`return_to`."""
+def pose(renderer: Any) -> tuple[Any, ...]:
+    """Return where the camera stands and looks, for :func:`set_pose`."""
     camera = renderer.GetActiveCamera()
     return (
         camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp(), camera.GetParallelScale(),
     )  # fmt: skip
 
 
-def return_to(renderer: Any, place: tuple[Any, ...]) -> None:
-    """Put the camera back to where it stood."""
+def set_pose(renderer: Any, pose: tuple[Any, ...]) -> None:
+    """Put the camera to where it stood before."""
     camera = renderer.GetActiveCamera()
-    position, focal_point, up, scale = place
+    position, focal_point, up, scale = pose
     camera.SetPosition(*position)
     camera.SetFocalPoint(*focal_point)
     camera.SetViewUp(*up)
@@ -53,11 +53,8 @@ def return_to(renderer: Any, place: tuple[Any, ...]) -> None:
 def shows(renderer: Any, points: Float[np.ndarray, "m 3"]) -> bool:
     """Return whether all points are in the picture."""
     camera = renderer.GetActiveCamera()
-    away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
-    away = away / (np.linalg.norm(away) or 1.0)
-    right = np.cross(camera.GetViewUp(), away)
-    right /= np.linalg.norm(right) or 1.0
-    seen = np.abs((points - camera.GetFocalPoint()) @ np.array([right, np.cross(away, right)]).T)
+    axes = _axes(camera)
+    seen = np.abs((points - camera.GetFocalPoint()) @ axes[:2].T)
     width, height = renderer.GetSize()
     half = camera.GetParallelScale()
     return bool((seen.max(axis=0) <= [half * width / max(height, 1), half]).all())
@@ -69,11 +66,7 @@ def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:
     What is seen from here decides, not the ball around it: a long grain fills the picture.
     """
     camera = renderer.GetActiveCamera()
-    away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
-    away = away / (np.linalg.norm(away) or 1.0)
-    right = np.cross(camera.GetViewUp(), away)
-    right /= np.linalg.norm(right) or 1.0
-    axes = np.array([right, np.cross(away, right), away])
+    axes = _axes(camera)
     seen = points @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     centre = (low + high) / 2 @ axes
@@ -81,6 +74,15 @@ def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:
     aspect = width / height if width and height else 1.0
     half = max((high[1] - low[1]) / 2, (high[0] - low[0]) / 2 / aspect, 1e-12)
     camera.SetFocalPoint(*centre)
-    camera.SetPosition(*(centre + away * 4 * max(half, float(high[2] - low[2]))))
+    camera.SetPosition(*(centre + axes[2] * 4 * max(half, float(high[2] - low[2]))))
     camera.SetParallelScale(half * MARGIN)
     renderer.ResetCameraClippingRange()
+
+
+def _axes(camera: Any) -> Float[np.ndarray, "3 3"]:
+    """Return as rows the picture's right, its upward direction and the way to the camera."""
+    away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())
+    away = away / (np.linalg.norm(away) or 1.0)
+    right = np.cross(camera.GetViewUp(), away)
+    right /= np.linalg.norm(right) or 1.0
+    return np.array([right, np.cross(away, right), away])

@@ -16,6 +16,7 @@ from mbstudio.scene.layers.slices import cut, grey_window, slice_image
 from mbstudio.scene.layers.volume import volume_voxels
 from mbstudio.scene.surfaces import avatar_surface, avatars_surface, control_points, label_surface, surface_of
 from mbstudio.scene.theme import rgb
+from tests.scene.conftest import flatten
 
 SIZE = VoxelSize(20, 10, 10, "um")
 
@@ -52,9 +53,9 @@ def covered(picture, colour, background):
 def test_slices_stand_where_they_were_cut(plotter, scan):
     scene = Scene(plotter)
     scene.set_scan(scan)
-    scene.slices.move("z", 20)
-    scene.slices.move("x", 0)
-    bounds = {axis: plane.GetBounds() for axis, plane in scene.slices._planes.items()}
+    scene.layers.slices.planes.move("z", 20)
+    scene.layers.slices.planes.move("x", 0)
+    bounds = {axis: plane.GetBounds() for axis, plane in scene.layers.slices.planes._planes.items()}
     # Voxel size 20 x 10 x 10 (z, y, x), first voxel's centre at (100, 200, 300).
     assert bounds["z"][4:] == pytest.approx((700, 700))
     assert bounds["z"][:4] == pytest.approx((100, 490, 200, 510))
@@ -65,8 +66,8 @@ def test_slices_stand_where_they_were_cut(plotter, scan):
 def test_a_slice_beyond_the_scan_is_its_last(plotter, scan):
     scene = Scene(plotter)
     scene.set_scan(scan)
-    scene.slices.move("y", 999)
-    assert scene.slices.index["y"] == 31
+    scene.layers.slices.planes.move("y", 999)
+    assert scene.layers.slices.planes.index["y"] == 31
 
 
 def test_the_picture_of_a_slice_obeys_the_window(scan):
@@ -103,9 +104,9 @@ def test_the_window_ignores_the_empty_box_and_what_is_no_number():
 
 def test_layers_show_and_hide(plotter):
     scene = Scene(plotter, LIGHT)
-    scene.set_grain(ball(10), "um")
-    scene.set_avatar(ball(9))
-    scene.set_opacity("grain", 1.0)
+    scene.layers.grain.set(ball(10), "um")
+    scene.layers.avatar.set(ball(9))
+    scene.layers.grain.set_opacity(1.0)
     scene.look_from("front")
     only_grain = scene.screenshot()
     middle = only_grain[150, 200].astype(int)
@@ -119,20 +120,20 @@ def test_layers_show_and_hide(plotter):
 
 def test_the_avatar_is_seen_through_the_grain(plotter):
     scene = Scene(plotter, LIGHT)
-    scene.set_grain(ball(10), "um")
-    scene.set_opacity("grain", 0.4)
+    scene.layers.grain.set(ball(10), "um")
+    scene.layers.grain.set_opacity(0.4)
     scene.look_from("front")
     without = scene.screenshot()[150, 200].astype(int)
-    scene.set_avatar(ball(8))
+    scene.layers.avatar.set(ball(8))
     through = scene.screenshot()[150, 200].astype(int)
     assert through[2] - through[0] > without[2] - without[0] + 30, "no blue shines through the sand colour"
 
 
 def test_fit_brings_all_into_the_picture(plotter):
     scene = Scene(plotter)
-    scene.set_grain(ball(3, (1000, 2000, -500)), "um")
+    scene.layers.grain.set(ball(3, (1000, 2000, -500)), "um")
     scene.look_from("isometric")
-    scene.flatten("grain", "#ffffff", "#000000")
+    flatten(scene, "grain")
     mask = scene.screenshot().mean(axis=2) > 127
     rows, columns = np.nonzero(mask)
     # A ball fills 1 / 1.14 of the height and stands in the middle.
@@ -144,7 +145,7 @@ def test_fit_brings_all_into_the_picture(plotter):
 
 def test_views_look_from_where_they_say(plotter):
     scene = Scene(plotter)
-    scene.set_grain(ball(1), "um")
+    scene.layers.grain.set(ball(1), "um")
     camera = plotter.renderer.GetActiveCamera()
     for view, direction in (("top", (0, 0, -1)), ("front", (0, 1, 0)), ("left", (1, 0, 0))):
         scene.look_from(view)
@@ -153,7 +154,7 @@ def test_views_look_from_where_they_say(plotter):
 
 def test_the_grain_under_a_pixel_has_its_label(plotter, grains):
     scene = Scene(plotter)
-    scene.set_grains(label_surface(grains), "um")
+    scene.layers.grains.set(label_surface(grains), "um")
     scene.look_from("top")
     scene.screenshot()
     assert scene.label_at(130, 150) == 4
@@ -173,8 +174,8 @@ def test_the_overview_lies_over_the_scan(grains):
 
 def test_choosing_a_grain_greys_the_others(plotter, grains):
     scene = Scene(plotter)
-    scene.set_grains(label_surface(grains), "um")
-    mesh = scene._actors["grains"].mapper.dataset
+    scene.layers.grains.set(label_surface(grains), "um")
+    mesh = scene.layers.grains.actors[0].mapper.dataset
     scene.select(9)
     colours, labels = np.asarray(mesh.cell_data["colour"]), np.asarray(mesh.cell_data["label"])
     assert (colours[labels == 9] == rgb(LIGHT.grain)).all()
@@ -185,15 +186,15 @@ def test_choosing_a_grain_greys_the_others(plotter, grains):
 
 def test_many_chosen_grains_stand_solid_among_glass(plotter, grains):
     scene = Scene(plotter)
-    scene.set_grains(label_surface(grains), "um")
+    scene.layers.grains.set(label_surface(grains), "um")
     scene.select(4, {9})
     assert scene.chosen == {4, 9}
     scene.look_from("top")
     glass = scene.screenshot()[150, 270].astype(int)
-    scene.set_others(label_surface(grains, only={9}))
+    scene.layers.grains.set_chosen(label_surface(grains, only={9}))
     solid = scene.screenshot()[150, 270].astype(int)
     assert np.ptp(solid) > 2 * np.ptp(glass)
-    scene.set_others(None)
+    scene.layers.grains.set_chosen(None)
     assert (scene.screenshot()[150, 270] == glass).all()
 
 
@@ -213,7 +214,7 @@ def test_an_overview_that_was_never_drawn_is_coloured(plotter, grains):
 
     scene = Scene(plotter)
     scene.show_layers({"slices"})
-    scene.set_grains(label_surface(grains), "um")
+    scene.layers.grains.set(label_surface(grains), "um")
     gc.collect()
     scene.select(9)
     scene.show_layers({"grains"})
@@ -225,17 +226,17 @@ def test_an_overview_that_was_never_drawn_is_coloured(plotter, grains):
 
 def test_the_theme_changes_background_and_surfaces(plotter):
     scene = Scene(plotter, LIGHT)
-    scene.set_avatar(ball(1), "um")
+    scene.layers.avatar.set(ball(1), "um")
     scene.look_from("front")
     assert scene.screenshot()[3, 3].mean() > 200
     scene.set_theme(DARK)
     assert scene.screenshot()[3, 3].mean() < 60
-    assert scene._actors["avatar"].prop.color.hex_rgb == DARK.avatar
+    assert scene.layers.avatar.actors[0].prop.color.hex_rgb == DARK.avatar
 
 
 def test_the_scale_bar_is_a_round_length_and_as_long_as_it_says(plotter):
     scene = Scene(plotter, LIGHT)
-    scene.set_grain(ball(100), "um")
+    scene.layers.grain.set(ball(100), "um")
     scene.look_from("front")
     scene.screenshot()
     bar = scene._bar
@@ -295,7 +296,7 @@ def test_the_volume_is_to_be_seen(plotter, scan):
     scene.show_layers(set())
     before = scene.screenshot()
     scene.show_layers({"volume"})
-    scene.set_volume(volume_voxels(scan))
+    scene.layers.volume.set(volume_voxels(scan))
     assert (np.abs(scene.screenshot().astype(int) - before).max(axis=2) > 30).mean() > 0.02
 
 

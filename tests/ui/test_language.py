@@ -15,6 +15,7 @@ import PySide6
 import pytest
 from PySide6.QtCore import QCoreApplication, QLocale, QTranslator
 
+import mbstudio.scene.layers
 import mbstudio.ui
 from mbstudio.core.metrics import factor_table
 from mbstudio.core.metrics.factor_table import AXES, FACTORS, LATENT_MEANINGS
@@ -23,8 +24,9 @@ from mbstudio.ui.language import install_translation, mark, tr
 
 TOOLS = Path(PySide6.__file__).parent
 WINDOW = Path(mbstudio.ui.__file__).parent
-TABLES = (Path(factor_table.__file__),)
-"""Modules of the engine whose texts the window shows in the person's language."""
+LAYERS = Path(mbstudio.scene.layers.__file__).parent
+TABLES = (Path(factor_table.__file__), *sorted(LAYERS.glob("*.py")))
+"""Modules of engine and scene whose texts the window shows in the person's language."""
 
 
 def compile_translation(folder: Path, words: dict[str, str]) -> None:

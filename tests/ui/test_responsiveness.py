@@ -57,12 +57,12 @@ def test_the_event_loop_goes_on_while_a_fit_runs(with_grains, idle, qtbot):
 def test_hundreds_of_bodies_are_drawn_in_time_after_the_first_pictures(window, idle, qtbot):
     """The first pictures of a large tray tell how slow it is; those after it are coarse enough."""
     from mbstudio.core.metaball import Avatar
-    from mbstudio.scene.layers.gallery import tray_surface
+    from mbstudio.scene.layers.tray import tray_surface
     from mbstudio.ui.view.viewport.software import BUDGET, COARSEST
 
     rng = np.random.default_rng(5)
     bodies = [Avatar(rng.normal(0, 60, (12, 3)), rng.uniform(100, 900, 12), "um") for _ in range(100)]
-    window.link.scene.set_gallery(tray_surface(bodies, cells=14), "um")
+    window.link.scene.layers.tray.set(tray_surface(bodies, cells=14), "um")
     window.enter("style")
     idle()
     viewport = window.viewport

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import weakref
-from typing import Any
+from typing import Any, Protocol
 
-import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkTextActor
@@ -34,18 +33,25 @@ def readable_length(length: float, unit: str) -> str:
     return f"{length:g} {unit_label(unit)}"
 
 
-def _update_before_rendering(renderer: Any, part: ScaleBar | CornerAxes) -> int:
+class Updated(Protocol):
+    """What is drawn anew for each picture."""
+
+    def update(self) -> None:
+        """Follow the camera and the size of the picture."""
+
+
+def update_before_rendering(renderer: Any, part: Updated) -> int:
     """Have a part follow the camera and the picture's size; return the observer's number."""
     # The renderer must not keep the part alive: VTK's observers and Python's references
     # would form a ring that outlives the window.
     known = weakref.ref(part)
 
-    def follow(*_: object) -> None:
+    def update(*_: object) -> None:
         alive = known()
         if alive is not None:
             alive.update()
 
-    return int(renderer.AddObserver("StartEvent", follow))
+    return int(renderer.AddObserver("StartEvent", update))
 
 
 class ScaleBar:
@@ -53,20 +59,20 @@ class ScaleBar:
 
     Parameters
     ----------
-    plotter : pyvista.BasePlotter
+    renderer : vtkRenderer
     unit : str
         Canonical unit of the scene's coordinates.
-    colour : str
+    theme : SceneTheme
     """
 
     WIDEST = 0.22  # of the picture's width
     MARGIN = 22  # pixels at scale 1
 
-    def __init__(self, plotter: pv.BasePlotter, unit: str, colour: str) -> None:
+    def __init__(self, renderer: Any, unit: str, theme: SceneTheme) -> None:
         self.unit = unit
         self.pixel_ratio = 1.0
         self.length = 0.0
-        self._renderer = plotter.renderer
+        self._renderer = renderer
         self._points = vtkPoints()
         self._points.SetNumberOfPoints(4)
         line = vtkPolyData()
@@ -85,15 +91,15 @@ class ScaleBar:
         properties = self._text.GetTextProperty()
         properties.SetJustificationToCentered()
         properties.SetVerticalJustificationToBottom()
-        self.recolour(colour)
+        self.recolour(theme)
         for actor in (self._line, self._text):
             actor.PickableOff()
             self._renderer.AddViewProp(actor)
-        self._observer = _update_before_rendering(self._renderer, self)
+        self._observer = update_before_rendering(self._renderer, self)
 
-    def recolour(self, colour: str) -> None:
-        """Draw bar and text in another colour."""
-        red, green, blue = (channel / 255 for channel in rgb(colour))
+    def recolour(self, theme: SceneTheme) -> None:
+        """Draw bar and text in a theme's ink."""
+        red, green, blue = (channel / 255 for channel in rgb(theme.ink))
         self._line.GetProperty().SetColor(red, green, blue)
         self._text.GetTextProperty().SetColor(red, green, blue)
 
@@ -135,16 +141,16 @@ class CornerAxes:
 
     Parameters
     ----------
-    plotter : pyvista.BasePlotter
+    renderer : pyvista.Renderer
     """
 
     SIDE = 120  # pixels at scale 1
     SCALE = 1.5  # half that side, in lengths of an axis
     TEXT = 15
 
-    def __init__(self, plotter: pv.BasePlotter) -> None:
+    def __init__(self, renderer: Any) -> None:
         self.pixel_ratio = 1.0
-        self._renderer: Any = plotter.renderer
+        self._renderer = renderer
         self._axes = self._renderer.add_axes(line_width=3)
         self._axes.SetNormalizedLabelPosition(1.45, 1.45, 1.45)
         for caption in self._captions():
@@ -156,7 +162,7 @@ class CornerAxes:
             look.BoldOn()
             look.SetJustificationToCentered()
             look.SetVerticalJustificationToCentered()
-        self._observer = _update_before_rendering(self._renderer, self)
+        self._observer = update_before_rendering(self._renderer, self)
 
     def _captions(self) -> list[Any]:
         return [getattr(self._axes, f"Get{name}AxisCaptionActor2D")() for name in "XYZ"]

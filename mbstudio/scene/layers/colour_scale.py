@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import weakref
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,8 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkTextActor
 
 from mbstudio.core.units import METRES_PER_UNIT, unit_label
-from mbstudio.scene.theme import rgb
+from mbstudio.scene.layers.annotations import update_before_rendering
+from mbstudio.scene.theme import SceneTheme, rgb
 
 COLOURS = 65
 # Brewer's RdBu, from blue over a light grey to red: apart for every kind of colour-blindness, and its
@@ -59,13 +59,12 @@ class ColourScale:
     Parameters
     ----------
     renderer : vtkRenderer
-    ink : str
-        Colour of the text.
+    theme : SceneTheme
     """
 
     WIDTH, HEIGHT, MARGIN, TEXT = 14, 170, 22, 13  # pixels at scale 1
 
-    def __init__(self, renderer: Any, ink: str) -> None:
+    def __init__(self, renderer: Any, theme: SceneTheme) -> None:
         self.pixel_ratio = 1.0
         self._renderer = renderer
         self._points = vtkPoints()
@@ -96,17 +95,9 @@ class ColourScale:
         for actor in (self._strip, *self._texts):
             actor.PickableOff()
             renderer.AddViewProp(actor)
-        self.recolour(ink)
+        self.recolour(theme)
         self.set_visible(False)
-        # The renderer must not keep this object alive.
-        scale = weakref.ref(self)
-
-        def follow(*_: object) -> None:
-            alive = scale()
-            if alive is not None:
-                alive.update()
-
-        self._observer = renderer.AddObserver("StartEvent", follow)
+        self._observer = update_before_rendering(renderer, self)
 
     @property
     def _texts(self) -> list[Any]:
@@ -133,10 +124,10 @@ class ColourScale:
             value = share * reach * factor
             text.SetInput(f"{value:+.3g}".replace("-", "\N{MINUS SIGN}") if value else "0")
 
-    def recolour(self, ink: str) -> None:
-        """Write in another colour."""
+    def recolour(self, theme: SceneTheme) -> None:
+        """Write in a theme's ink."""
         for text in self._texts:
-            text.GetTextProperty().SetColor(*(channel / 255 for channel in rgb(ink)))
+            text.GetTextProperty().SetColor(*(channel / 255 for channel in rgb(theme.ink)))
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide it."""

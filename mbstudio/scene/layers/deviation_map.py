@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +10,12 @@ import numpy as np
 import pyvista as pv
 
 from mbstudio.core.imaging.goals.deviation import Deviation, deviation
+from mbstudio.core.translation import mark
 from mbstudio.scene.layers.colour_scale import ColourScale, diverging_colours, readable_unit, round_range
+from mbstudio.scene.layers.layer import Layer, Stage
+from mbstudio.scene.layers.surface_layer import add_surface
 from mbstudio.scene.surfaces import Surface, avatar_surface
+from mbstudio.scene.theme import SceneTheme
 
 if TYPE_CHECKING:
     from mbstudio.core.grains import Grain
@@ -43,39 +48,76 @@ def deviation_surface(avatar: Avatar, grain: Grain, cells: int = 72) -> Deviatio
     return DeviationSurface(surface, deviation((surface.points, surface.triangles), reference, grain.unit))
 
 
-class DeviationMap:
-    """The coloured surface on a plotter.
+class DeviationMap(Layer[DeviationSurface]):
+    """How far the avatar lies from its grain, as colours on its surface.
 
-    Parameters
+    Attributes
     ----------
-    plotter : pyvista.BasePlotter
-    ink : str
-        Colour of the scale's text.
+    scale : ColourScale
+    reach : float
+        Distance at the ends of the scale.
     """
 
-    def __init__(self, plotter: Any, ink: str) -> None:
-        self._plotter = plotter
-        self.scale = ColourScale(plotter.renderer, ink)
-        self.reach = 0.0
+    title = mark("Deviation")
+    icon = "ph.thermometer"
+    tip = mark("How far the avatar lies outside its grain, as colours")
+    is_within_scan = True
 
-    def add(self, shown: DeviationSurface) -> pv.Actor:
-        """Put the surface into the plotter and tell what its colours mean.
+    def __init__(self, name: str, stage: Stage) -> None:
+        super().__init__(name, stage)
+        self.scale = ColourScale(stage.renderer, stage.theme)
+        self.reach = 0.0
+        self._actor: pv.Actor | None = None
+
+    @property
+    def actors(self) -> Sequence[Any]:
+        return [] if self._actor is None else [self._actor]
+
+    def set(self, content: DeviationSurface | None, unit: str | None = None) -> None:
+        """Show an avatar's surface with its distances (:func:`deviation_surface`), or nothing.
 
         The colours reach to where 99.5 % of the distances lie, rounded up: one spike would bleach all else.
         """
-        found = shown.deviation
-        self.reach = round_range(float(np.percentile(np.abs(found.distances), _SHOWN)))
+        if self._actor is not None:
+            self.stage.remove(self._actor)
+            self._actor = None
+        if content is not None:
+            found = content.deviation
+            self.stage.set_unit(found.unit)
+            self.reach = round_range(float(np.percentile(np.abs(found.distances), _SHOWN)))
+            self._actor = self._add(content)
+            self._explain(found)
+        self.stage.update()
+
+    def refresh(self) -> None:
+        super().refresh()
+        self.scale.set_visible(self.holds_something and self.is_visible)
+
+    def recolour(self, theme: SceneTheme) -> None:
+        self.scale.recolour(theme)
+
+    def set_pixel_ratio(self, ratio: float) -> None:
+        self.scale.pixel_ratio = ratio
+
+    def close(self) -> None:
+        super().close()
+        self.scale.remove()
+
+    def _add(self, shown: DeviationSurface) -> pv.Actor:
         mesh = shown.surface.poly_data()
-        mesh.point_data["deviation"] = found.distances.astype(np.float32)
+        mesh.point_data["deviation"] = shown.deviation.distances.astype(np.float32)
         colours = np.column_stack([diverging_colours(255), np.full(255, 255, np.uint8)])
         table = pv.LookupTable(values=colours, scalar_range=(-self.reach, self.reach))
-        actor = self._plotter.add_mesh(
-            mesh, scalars="deviation", cmap=table, smooth_shading=False, specular=0.0, ambient=0.25,
-            diffuse=0.8, name="deviation", reset_camera=False, render=False, show_scalar_bar=False,
+        actor = add_surface(
+            self.stage, self.name, mesh, scalars="deviation", cmap=table, specular=0.0, specular_power=1.0,
+            ambient=0.25, diffuse=0.8,
         )  # fmt: skip
         actor.mapper.interpolate_before_map = True
-        actor.prop.interpolation = "Phong"
-        actor.prop.culling = "back"
+        actor.prop.opacity = self.opacity
+        return actor
+
+    def _explain(self, found: Deviation) -> None:
+        """Tell what the colours mean."""
         factor, label = readable_unit(self.reach, found.unit)
         sign = "+" if found.largest >= 0 else "\N{MINUS SIGN}"
         self.scale.show(
@@ -84,4 +126,3 @@ class DeviationMap:
             found.unit,
             f"rms {found.rms * factor:.3g} {label}\nlargest {sign}{abs(found.largest) * factor:.3g} {label}",
         )
-        return actor

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,24 @@ from vtkmodules.vtkRenderingCore import vtkCellPicker
 from mbstudio.scene.surfaces import LABEL_ARRAY
 
 
-def _picked(renderer: Any, actors: Iterable[Any], x: float, y: float) -> vtkCellPicker | None:
+def surface_under(
+    renderer: Any, actors: Iterable[Any], x: float, y: float
+) -> tuple[Float[np.ndarray, "3"], int | None] | None:
+    """Return what lies foremost of these surfaces under a pixel.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+    actors : iterable of vtkActor
+    x, y : float
+        Pixels from the lower left.
+
+    Returns
+    -------
+    point : float array, shape (3,)
+    label : int or None
+        Of the triangle; None where it has none. Nothing at all is returned where no surface is hit.
+    """
     picker = vtkCellPicker()
     picker.SetTolerance(0.0005)
     picker.PickFromListOn()
@@ -20,22 +37,9 @@ def _picked(renderer: Any, actors: Iterable[Any], x: float, y: float) -> vtkCell
         picker.AddPickList(actor)
     if not picker.Pick(x, y, 0, renderer) or picker.GetCellId() < 0:
         return None
-    return picker
-
-
-def label_under(renderer: Any, actors: Iterable[Any], x: float, y: float) -> int | None:
-    """Return the label of the triangle under a pixel (from the lower left), or None."""
-    picker = _picked(renderer, actors, x, y)
-    if picker is None:
-        return None
     labels = picker.GetDataSet().GetCellData().GetArray(LABEL_ARRAY)
-    return int(labels.GetTuple1(picker.GetCellId())) or None
-
-
-def point_under(renderer: Any, actors: Iterable[Any], x: float, y: float) -> Float[np.ndarray, "3"] | None:
-    """Return the foremost point (x, y, z) of these surfaces under a pixel, or None."""
-    picker = _picked(renderer, actors, x, y)
-    return None if picker is None else np.array(picker.GetPickPosition())
+    label = None if labels is None else int(labels.GetTuple1(picker.GetCellId())) or None
+    return np.array(picker.GetPickPosition()), label
 
 
 def sight(renderer: Any, x: float, y: float) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
@@ -48,23 +52,6 @@ def sight(renderer: Any, x: float, y: float) -> tuple[Float[np.ndarray, "3"], Fl
         ends.append(point[:3] / point[3])
     along = ends[1] - ends[0]
     return ends[0], along / (np.linalg.norm(along) or 1.0)
-
-
-def foremost_point(
-    renderer: Any,
-    surfaces: Iterable[Any],
-    on_slice: Callable[[Float[np.ndarray, "3"], Float[np.ndarray, "3"]], Float[np.ndarray, "3"] | None]
-    | None,
-    x: float,
-    y: float,
-) -> Float[np.ndarray, "3"] | None:
-    """Return the point nearest to the eye of surfaces and slices under a pixel, or None."""
-    start, along = sight(renderer, x, y)
-    found = [point_under(renderer, surfaces, x, y)]
-    if on_slice is not None:
-        found.append(on_slice(start, along))
-    there = [point for point in found if point is not None]
-    return min(there, key=lambda point: float((point - start) @ along)) if there else None
 
 
 def to_display(renderer: Any, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 2"]:
@@ -81,7 +68,7 @@ def to_display(renderer: Any, points: Float[np.ndarray, "m 3"]) -> Float[np.ndar
     return np.asarray(share * [width, height] + [left, bottom])
 
 
-def per_length(
+def pixels_per_length(
     renderer: Any, place: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "2"]:
     """Return by how many pixels a point moves in the picture for one length along a direction."""
@@ -101,7 +88,7 @@ def length_of_drag(
 
     Seen end on, the direction has no length in the picture: a drag upwards then pulls it nearer.
     """
-    pixels = per_length(renderer, place, direction)
+    pixels = pixels_per_length(renderer, place, direction)
     camera, (_, height) = renderer.GetActiveCamera(), renderer.GetSize()
     whole = height / (2 * camera.GetParallelScale())  # pixels of one length across the line of sight
     if np.linalg.norm(pixels) < 0.12 * whole:

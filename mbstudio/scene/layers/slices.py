@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -9,7 +10,10 @@ import pyvista as pv
 from jaxtyping import Float, Int, Shaped, UInt8
 from vtkmodules.vtkRenderingCore import vtkImageSlice, vtkImageSliceMapper
 
-from mbstudio.scene.theme import label_colours
+from mbstudio.core.translation import mark
+from mbstudio.scene.layers.layer import Hit, Layer, Stage
+from mbstudio.scene.layers.picking import sight
+from mbstudio.scene.theme import SceneTheme, label_colours
 
 if TYPE_CHECKING:
     from mbstudio.core.scan import Scan
@@ -204,6 +208,11 @@ class SlicePlanes:
                 best, found = share, place
         return found
 
+    @property
+    def actors(self) -> Sequence[Any]:
+        """The three slices and their frames."""
+        return [*self._planes.values(), *self._frames.values()]
+
     def recolour(self, axis_colours: tuple[str, str, str]) -> None:
         """Give the frames other colours."""
         for axis, colour in zip(AXES, axis_colours, strict=True):
@@ -211,7 +220,7 @@ class SlicePlanes:
 
     def remove(self) -> None:
         """Take everything out of the plotter."""
-        for actor in (*self._planes.values(), *self._frames.values()):
+        for actor in self.actors:
             self._plotter.remove_actor(actor, reset_camera=False, render=False)
         self._planes.clear()
         self._frames.clear()
@@ -253,11 +262,62 @@ def _rectangle(origin: np.ndarray, size: np.ndarray, axis: int) -> Float[np.ndar
     return np.array([origin, origin + first, origin + first + second, origin + second])
 
 
-def scan_box(plotter: Any, scan: Scan, colour: str) -> pv.Actor:
-    """Add the outline of the scan's box, voxel edge to voxel edge."""
-    low = np.array(scan.origin) - np.array(scan.voxel_size.xyz) / 2
-    edges = pv.Box(bounds=np.column_stack([low, low + scan.size]).ravel().tolist()).extract_all_edges()
-    return plotter.add_mesh(
-        edges, color=colour, opacity=0.35, line_width=1, pickable=False, reset_camera=False, render=False,
-        name="scan box", lighting=False,
-    )  # fmt: skip
+class Slices(Layer["Scan"]):
+    """Three slices through the scan.
+
+    Attributes
+    ----------
+    planes : SlicePlanes or None
+        None without a scan.
+    """
+
+    title = mark("Slices")
+    icon = "ph.squares-four"
+    tip = mark("Slices through the scan")
+    is_clipped = False
+    has_outline = True
+    is_within_scan = True
+
+    def __init__(self, name: str, stage: Stage) -> None:
+        super().__init__(name, stage)
+        self.planes: SlicePlanes | None = None
+
+    @property
+    def actors(self) -> Sequence[Any]:
+        return [] if self.planes is None else self.planes.actors
+
+    def set(self, content: Scan | None, unit: str | None = None) -> None:
+        if self.planes is not None:
+            self.planes.remove()
+        self.planes = self.stage.grey_window = None
+        if content is not None:
+            self.stage.set_unit(content.unit)
+            self.planes = SlicePlanes(self.stage.plotter, content, self.stage.theme.axes)
+            self.stage.grey_window = self.planes.window
+        self.stage.update()
+
+    def set_window(self, low: float, high: float) -> None:
+        """Show grey value `low` of the scan black and `high` white."""
+        if self.planes is not None:
+            self.planes.set_window(low, high)
+            self.stage.grey_window = self.planes.window
+
+    def refresh(self) -> None:
+        if self.planes is not None:
+            self.planes.set_visible(self.is_visible)
+
+    def recolour(self, theme: SceneTheme) -> None:
+        if self.planes is not None:
+            self.planes.recolour(theme.axes)
+
+    def points(self) -> Float[np.ndarray, "m 3"] | None:
+        """Return the corners of all three slices, shape (12, 3), or None."""
+        planes = self.planes
+        return None if planes is None else np.concatenate([planes.corners(axis) for axis in AXES])
+
+    def pick(self, x: float, y: float) -> Hit | None:
+        """Return where a slice lies under a pixel, or None."""
+        if self.planes is None:
+            return None
+        point = self.planes.point_on(*sight(self.stage.renderer, x, y))
+        return None if point is None else Hit(self.name, point)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyvista as pv
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
 from vtkmodules.vtkRenderingCore import vtkColorTransferFunction
 from vtkmodules.vtkRenderingOpenGL2 import vtkTextureObject
 from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkSmartVolumeMapper
 
+from mbstudio.core.translation import mark
+from mbstudio.scene.layers.layer import Layer, Stage
 from mbstudio.scene.theme import rgb
 
 if TYPE_CHECKING:
@@ -95,6 +98,7 @@ class VolumeCloud:
 
     def __init__(self, plotter: Any, voxels: VolumeVoxels, window: tuple[float, float]) -> None:
         self._plotter, self._ends = plotter, voxels.ends
+        self.opacity = 1.0
         self.actor = self._volume("volume", voxels)
         self.coarse = self._volume("volume in motion", voxels.thinned(MOVING))
         self.set_window(*window)
@@ -108,7 +112,7 @@ class VolumeCloud:
         for share, colour in _SHADES:
             colours.AddRGBPoint(first + share * width, *(channel / 255 for channel in rgb(colour)))
         for share, opacity in _OPACITIES:
-            opacities.AddPoint(first + share * width, opacity)
+            opacities.AddPoint(first + share * width, opacity * self.opacity)
         for volume in (self.actor, self.coarse):
             volume.GetProperty().SetColor(colours)
             volume.GetProperty().SetScalarOpacity(opacities)
@@ -149,3 +153,63 @@ class VolumeCloud:
         volume.PickableOff()
         self._plotter.add_actor(volume, name=name, reset_camera=False, render=False)
         return volume
+
+
+class Volume(Layer[VolumeVoxels]):
+    """The scan as a cloud, in the grey window of the slices."""
+
+    title = mark("Volume")
+    icon = "ph.cube"
+    tip = mark("The whole scan as a cloud")
+    has_outline = True
+    is_within_scan = True
+
+    def __init__(self, name: str, stage: Stage) -> None:
+        super().__init__(name, stage)
+        self.cloud: VolumeCloud | None = None
+        self._moving = False
+
+    @property
+    def actors(self) -> Sequence[Any]:
+        return [] if self.cloud is None else [self.cloud.actor, self.cloud.coarse]
+
+    def set(self, content: VolumeVoxels | None, unit: str | None = None) -> None:
+        """Show the voxels of the scan (:func:`volume_voxels`); without a scan there is nothing to show."""
+        self.stage.set_unit(unit)
+        if self.cloud is not None:
+            self.cloud.remove()
+        self.cloud = None
+        if content is not None and self.stage.grey_window is not None:
+            self.cloud = VolumeCloud(self.stage.plotter, content, self.stage.grey_window)
+            self._dilute(self.cloud)
+        self.stage.update()
+
+    def set_window(self, low: float, high: float) -> None:
+        """Show grey value `low` of the scan clear and `high` dense."""
+        if self.cloud is not None:
+            self.cloud.set_window(low, high)
+
+    def set_opacity(self, opacity: float) -> None:
+        self.opacity = float(opacity)
+        if self.cloud is not None:
+            self._dilute(self.cloud)
+        self.stage.update()
+
+    def set_moving(self, moving: bool) -> None:
+        self._moving = moving
+        self.refresh()
+
+    def refresh(self) -> None:
+        if self.cloud is not None:
+            self.cloud.set_visible(self.is_visible, self._moving)
+
+    def points(self) -> Float[np.ndarray, "m 3"] | None:
+        """Return the corners of its box, shape (8, 3), or None."""
+        if self.cloud is None:
+            return None
+        return np.asarray(pv.Box(bounds=self.cloud.actor.GetBounds()).points, dtype=float)
+
+    def _dilute(self, cloud: VolumeCloud) -> None:
+        if cloud.opacity != self.opacity and self.stage.grey_window is not None:
+            cloud.opacity = self.opacity
+            cloud.set_window(*self.stage.grey_window)

@@ -13,7 +13,7 @@ from jaxtyping import UInt8
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene.pictures.figures import convergence_figure, slices_figure
-from mbstudio.scene.scene import Layer, Scene
+from mbstudio.scene.scene import Scene
 from mbstudio.scene.surfaces import (
     avatar_surface,
     avatars_surface,
@@ -58,10 +58,11 @@ def render_tour(project: Project, folder: Path) -> list[Path]:
     if scan is not None:
         drawn.append(("scan", lambda scene: scene.set_scan(scan)))
     if grains is not None:
-        drawn.append(("grains", lambda scene: scene.set_grains(label_surface(grains), grains.unit)))
+        drawn.append(("grains", lambda scene: scene.layers.grains.set(label_surface(grains), grains.unit)))
     if project.fits:
         avatars = project.avatars
-        drawn.append(("avatars", lambda scene: scene.set_avatars(avatars_surface(avatars), avatars[0].unit)))
+        surface, unit = avatars_surface(avatars), avatars[0].unit
+        drawn.append(("avatars", lambda scene: scene.layers.avatars.set(surface, unit)))
     written = [_save(folder / f"{name}.png", _render(draw)) for name, draw in drawn]
     if scan is not None:
         outlined = grains if grains is not None and grains.labels.shape == scan.shape else None
@@ -90,7 +91,7 @@ def render_grain_and_avatar(
     assert project.grains is not None
     grain, avatar = project.grains.grain(label), project.fits[label].avatar
     plotter = pv.Plotter(off_screen=True, window_size=list(size))
-    shown: list[tuple[set[Layer], dict[Layer, float]]] = [
+    shown: list[tuple[set[str], dict[str, float]]] = [
         ({"grain"}, {"grain": 1.0}),
         ({"avatar", "points"}, {"avatar": 0.5}),
         ({"grain", "avatar"}, {"grain": 0.6, "avatar": 1.0}),
@@ -98,14 +99,14 @@ def render_grain_and_avatar(
     images = []
     try:
         scene = Scene(plotter)
-        scene.set_grain(grain_surface(grain), grain.unit)
-        scene.set_avatar(avatar_surface(avatar), avatar.unit)
-        scene.set_points(control_points(avatar))
+        scene.layers.grain.set(grain_surface(grain), grain.unit)
+        scene.layers.avatar.set(avatar_surface(avatar), avatar.unit)
+        scene.layers.points.set(control_points(avatar))
         scene.look_from("isometric")
         for layers, opacities in shown:
             scene.show_layers(layers)
             for layer, opacity in opacities.items():
-                scene.set_opacity(layer, opacity)
+                scene.layers[layer].set_opacity(opacity)
             images.append(scene.screenshot())
             require_picture(images[-1], f"grain {label}")
     finally:

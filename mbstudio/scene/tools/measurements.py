@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import weakref
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,7 +12,7 @@ from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkTextActor
 
-from mbstudio.scene.layers.annotations import readable_length
+from mbstudio.scene.layers.annotations import readable_length, update_before_rendering
 from mbstudio.scene.layers.picking import to_display
 from mbstudio.scene.theme import SceneTheme, rgb
 
@@ -52,7 +51,7 @@ class Measurement:
         # Exact for flat and straight angles too, where arccos is not.
         return math.degrees(math.atan2(float(np.linalg.norm(np.cross(first, second))), float(first @ second)))
 
-    def told(self, unit: str) -> str:
+    def format_value(self, unit: str) -> str:
         """Return the value with its unit, empty while points are missing."""
         if not self.is_complete:
             return ""
@@ -83,15 +82,7 @@ class Measurements:
         self._actor.PickableOff()
         renderer.AddViewProp(self._actor)
         self._texts: list[vtkTextActor] = []
-        # The renderer must not keep this object alive.
-        alive = weakref.ref(self)
-
-        def follow(*_: object) -> None:
-            present = alive()
-            if present is not None:
-                present.update()
-
-        self._observer = renderer.AddObserver("StartEvent", follow)
+        self._observer = update_before_rendering(renderer, self)
 
     def add_point(self, kind: Kind, point: Float[np.ndarray, "3"]) -> Measurement:
         """Add a point to the measurement under way, or begin one; return it."""
@@ -147,7 +138,7 @@ class Measurements:
     def _write(
         self, text: Any, measurement: Measurement, seen: Float[np.ndarray, "m 2"], ink: tuple[float, ...]
     ) -> None:
-        text.SetInput(measurement.told(self.unit))
+        text.SetInput(measurement.format_value(self.unit))
         text.SetVisibility(measurement.is_complete)
         look = text.GetTextProperty()
         look.SetFontSize(round(15 * self.pixel_ratio))

@@ -9,7 +9,7 @@ from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import QLabel
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.scene import LAYERS
+from mbstudio.scene import switched_layers
 from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.language import tr
@@ -242,7 +242,7 @@ class MainWindow(WindowLayout):
         if "latent" in (before, station):
             self.shaping.entered() if station == "latent" else self.shaping.left()
             self.refresh()
-        for layer in LAYERS:
+        for layer in switched_layers():
             self.commands.action(f"layer.{layer}").setVisible(layer in STATION_LAYERS[station])
         self.panels_fit.points.setChecked(self.link.is_shown("points"))
         self.commands.refresh()

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from mbstudio.scene import LAYERS
+from mbstudio.scene import switched_layers
 from mbstudio.ui.commands import CommandTable
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import tr
@@ -224,7 +224,7 @@ class WindowLayout(QMainWindow):
         for names in (
             ("scan.open", "project.save"),
             ("edit.undo", "edit.redo"),
-            tuple(f"layer.{layer}" for layer in LAYERS),
+            tuple(f"layer.{layer}" for layer in switched_layers()),
             ("view.fit", "view.screenshot"),
         ):
             self.view_bar.add_group(tuple(self.commands.action(name) for name in names))

@@ -82,7 +82,7 @@ class WindowWiring:
         window.show_recent()
 
     def _scan_changed(self) -> None:
-        slices = self.window.link.scene.slices
+        slices = self.window.link.scene.layers.slices.planes
         if slices is not None:
             self.window.panels_scan.show_window(*slices.window)
             self.window.panels_grains.set_threshold_range(*slices.window)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from mbstudio.scene import Layer
-
 # Layers that can be switched at each station.
-STATION_LAYERS: dict[str, tuple[Layer, ...]] = {
+STATION_LAYERS: dict[str, tuple[str, ...]] = {
     "scan": ("slices", "volume"),
     "grains": ("slices", "volume", "grains"),
     "fit": ("slices", "grain", "avatar", "deviation", "points"),
@@ -20,7 +18,7 @@ class StationLayers:
     """What each station shows: what it shows at first, and what was switched since."""
 
     def __init__(self) -> None:
-        self._shown: dict[str, set[Layer]] = {
+        self._shown: dict[str, set[str]] = {
             "scan": {"slices"},
             "grains": {"grains"},
             "fit": {"grain", "avatar"},
@@ -29,17 +27,17 @@ class StationLayers:
             "latent": {"live"},
             "export": {"avatars", "shape", "envelope"},
         }
-        self._covered: set[Layer] = set()
+        self._covered: set[str] = set()
 
-    def shown(self, station: str) -> set[Layer]:
+    def shown(self, station: str) -> set[str]:
         """Return the layers that are on, as a copy."""
         return set(self._shown[station])
 
-    def is_shown(self, station: str, layer: Layer) -> bool:
+    def is_shown(self, station: str, layer: str) -> bool:
         """Return whether a layer is on."""
         return layer in self._shown[station]
 
-    def switch(self, station: str, layer: Layer, shown: bool) -> None:
+    def switch(self, station: str, layer: str, shown: bool) -> None:
         """Switch a layer on or off.
 
         The map of deviations lies on the avatar's surface and is not to be looked at through the

@@ -38,7 +38,7 @@ class CompareLink(QObject):
     def __init__(self, window: MainWindow) -> None:
         super().__init__(window)
         self._window, self._link, self._space = window, window.link, window.workspace
-        self._columns = window.link.scene.columns
+        self._columns = window.link.scene.layers.side_by_side
         self.wanted = False
         self._built: tuple[object, ...] = ()
         self._grips: list[Grip] = []
@@ -56,7 +56,7 @@ class CompareLink(QObject):
 
     @property
     def is_shown(self) -> bool:
-        return self._columns.is_on
+        return self._columns.is_shown
 
     def show(self, wanted: bool) -> None:
         """Show grain, avatar and clone next to each other, or the view as it was."""
@@ -68,8 +68,8 @@ class CompareLink(QObject):
         on = self.wanted and self.is_offered
         if on:
             self._build()
-        if on != self._columns.is_on:
-            self._columns.switch(on)
+        if on != self._columns.is_shown:
+            self._columns.show(on)
             self._link.picking = not on and self._window.tools.measuring is None
             # What could be dragged or measured is not to be seen.
             viewport = self._window.viewport
@@ -119,7 +119,7 @@ class CompareLink(QObject):
 
         def done(columns: list[Column]) -> None:
             if self._built is wanted:
-                self._columns.show(columns, unit)
+                self._columns.set(columns, unit)
                 self._link.draw()
 
         task = Task(tr("Drawing the comparison"), lambda control: make())
@@ -127,5 +127,5 @@ class CompareLink(QObject):
         self._window.queue.submit(task, lane="view", key="comparison")
 
     def _avatar_moved(self, label: int, live: LiveAvatar) -> None:
-        if self._columns.is_on and label == self._space.selected:
+        if self._columns.is_shown and label == self._space.selected:
             self._columns.replace(1, live.surface)

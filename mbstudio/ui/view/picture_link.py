@@ -114,11 +114,11 @@ class PictureLink(QObject):
             return None
         viewport, scale = self._window.viewport, self.scale
         renderer = viewport.plotter.renderer
-        begun = camera.stand(renderer)
+        begun = camera.pose(renderer)
         size: list[tuple[int, ...]] = []
 
         def draw(number: int) -> UInt8[np.ndarray, "h w 3"]:
-            camera.return_to(renderer, begun)
+            camera.set_pose(renderer, begun)
             renderer.GetActiveCamera().Azimuth(360.0 * number / frames)
             picture = viewport.picture(scale)
             size.append(picture.shape[:2])
@@ -136,7 +136,7 @@ class PictureLink(QObject):
 
         def over() -> None:
             source.deleteLater()
-            camera.return_to(renderer, begun)
+            camera.set_pose(renderer, begun)
             viewport.request_render()
             self._window.refresh()
 

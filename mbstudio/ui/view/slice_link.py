@@ -38,7 +38,7 @@ class SliceLink(QObject):
         self.readout = QLabel()
         self.readout.setObjectName("key")
         window.statusBar().addWidget(self.readout)
-        self.grip = SliceGrip(self._link.scene, self._link.move_slice)
+        self.grip = SliceGrip(self._link.scene.layers.slices, self._link.move_slice)
         window.viewport.scaled.connect(self.grip.scale)
         window.viewport.grips.append(self.grip)
         window.viewport.hovered.connect(self._hovered)
@@ -61,7 +61,7 @@ class SliceLink(QObject):
     @property
     def is_offered(self) -> bool:
         """Whether the panes belong to this station and have something to show."""
-        return self._window.station in STATIONS and self._link.scene.slices is not None
+        return self._window.station in STATIONS and self._link.scene.layers.slices.holds_something
 
     @property
     def is_shown(self) -> bool:
@@ -82,7 +82,7 @@ class SliceLink(QObject):
 
     def refresh(self) -> None:
         """Show the slices as they are."""
-        slices, scan = self._link.scene.slices, self._window.workspace.scan
+        slices, scan = self._link.scene.layers.slices.planes, self._window.workspace.scan
         panel = self._window.panels_scan
         for plane, across in PLANES:
             pane = self._panes[across]
@@ -105,7 +105,7 @@ class SliceLink(QObject):
     # ---- by hand ---------------------------------------------------------------------------------
 
     def _step(self, axis: Axis, step: int) -> None:
-        slices = self._link.scene.slices
+        slices = self._link.scene.layers.slices.planes
         if slices is not None:
             self._link.move_slice(axis, int(np.clip(slices.index[axis] + step, 0, slices.counts[axis] - 1)))
 
@@ -114,7 +114,7 @@ class SliceLink(QObject):
         self._link.move_slice(second, round(row))
 
     def _widen(self, wider: float, brighter: float) -> None:
-        slices = self._link.scene.slices
+        slices = self._link.scene.layers.slices.planes
         if slices is not None:
             low, high = slices.window
             middle, width = (low + high) / 2 - brighter * (high - low), (high - low) * max(0.2, 1 + wider)
@@ -123,13 +123,13 @@ class SliceLink(QObject):
     # ---- what lies under the mouse ---------------------------------------------------------------
 
     def _pointed(self, places: dict[Axis, float], across: Axis) -> None:
-        slices = self._link.scene.slices
+        slices = self._link.scene.layers.slices.planes
         if slices is not None:
             voxel = {axis: round(place) for axis, place in places.items()} | {across: slices.index[across]}
             self._tell((voxel["x"], voxel["y"], voxel["z"]))
 
     def _hovered(self, x: float, y: float) -> None:
-        slices = self._link.scene.slices
+        slices = self._link.scene.layers.slices.planes
         point = None
         if slices is not None and any(slices.is_seen(axis) for axis in AXES):
             point = slices.point_on(*sight(self._window.viewport.plotter.renderer, x, y))

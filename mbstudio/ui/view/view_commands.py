@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from mbstudio.scene import VIEWS, Layer, View
+from mbstudio.scene import VIEWS, View, switched_layers
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
 
@@ -20,32 +20,6 @@ STATIONS = (
     ("style", mark("Style"), "ph.paint-brush", mark("Learn the form of grains, generate new ones (Ctrl+5)")),
     ("latent", mark("Latent"), "ph.sliders-horizontal", mark("Shape grains by hand (Ctrl+6)")),
     ("export", mark("Export"), "ph.export", mark("Write DEM files (Ctrl+7)")),
-)
-
-_LAYERS: tuple[tuple[Layer, str, str, str], ...] = (
-    ("slices", mark("Slices"), "ph.squares-four", mark("Slices through the scan")),
-    ("volume", mark("Volume"), "ph.cube", mark("The whole scan as a cloud")),
-    ("grains", mark("All grains"), "ph.polygon", mark("All grains, each in its colour")),
-    ("grain", mark("Grain"), "ph.circle-half", mark("Surface of the chosen grain")),
-    ("avatar", mark("Avatar"), "ph.circles-three", mark("Surface of the chosen grain's avatar")),
-    (
-        "deviation",
-        mark("Deviation"),
-        "ph.thermometer",
-        mark("How far the avatar lies outside its grain, as colours"),
-    ),
-    ("points", mark("Control points"), "ph.dots-nine", mark("Control points of the avatar")),
-    ("avatars", mark("All avatars"), "ph.selection-all", mark("All avatars where their grains lie")),
-    ("live", mark("Live grain"), "ph.hand", mark("The grain under the hand")),
-    ("ghost_a", mark("Ghost of A"), "ph.ghost", mark("Grain A, seen through")),
-    ("ghost_b", mark("Ghost of B"), "ph.ghost", mark("Grain B, seen through")),
-    (
-        "shape",
-        mark("Export"),
-        "ph.circles-four",
-        mark("Spheres or mesh that stand for the avatar in the export"),
-    ),
-    ("envelope", mark("Avatar over it"), "ph.circle-half", mark("The avatar itself, seen through")),
 )
 
 _FROM: dict[View, tuple[str, str]] = {
@@ -103,17 +77,17 @@ def view_commands(window: MainWindow) -> list[Command]:
     commands += [
         Command(
             f"layer.{layer}",
-            tr(title),
+            tr(kind.title),
             partial(link.show_layer, layer),
             "View",
             "",
-            icon,
-            tr(tip),
+            kind.icon,
+            tr(kind.tip),
             lambda: window.has_view,
             partial(link.is_shown, layer),
             separated=number == 0,
         )
-        for number, (layer, title, icon, tip) in enumerate(_LAYERS)
+        for number, (layer, kind) in enumerate(switched_layers().items())
     ]
     commands += [
         Command(

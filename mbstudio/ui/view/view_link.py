@@ -7,8 +7,8 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QGuiApplication
 
-from mbstudio.scene import Layer, Scene, View
-from mbstudio.scene.layers.gallery import TrayCamera
+from mbstudio.scene import Scene, View
+from mbstudio.scene.tray_camera import TrayCamera
 from mbstudio.ui.stations.fit.work import FitWork, LiveAvatar
 from mbstudio.ui.stations.station_layers import StationLayers
 from mbstudio.ui.theme import Theme
@@ -56,7 +56,7 @@ class ViewLink(QObject):
         self.station = "scan"
         self.picking = True
         self._layers = StationLayers()
-        self._opacity: dict[Layer, float] = {"grain": 0.6, "avatar": 1.0}
+        self._opacity: dict[str, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
         self.preview: object = None  # what of an export is looked at, in place of the avatars
         self._tray = TrayCamera(self.scene)
@@ -81,11 +81,11 @@ class ViewLink(QObject):
             self.surfaces.build_avatars()
         self.arrange()
 
-    def is_shown(self, layer: Layer) -> bool:
+    def is_shown(self, layer: str) -> bool:
         """Return whether a layer is switched on at this station."""
         return self._layers.is_shown(self.station, layer)
 
-    def show_layer(self, layer: Layer, shown: bool) -> None:
+    def show_layer(self, layer: str, shown: bool) -> None:
         """Switch a layer on or off at this station."""
         self._layers.switch(self.station, layer, shown)
         if layer == "volume" and shown:
@@ -106,27 +106,28 @@ class ViewLink(QObject):
         self.scene.look_from(view)
         self.draw()
 
-    def set_opacity(self, layer: Layer, opacity: float) -> None:
+    def set_opacity(self, layer: str, opacity: float) -> None:
         """Change the opacity of the grain or the avatar at station Fit."""
         self._opacity[layer] = opacity
         self.arrange()
 
     def move_slice(self, axis: Any, index: int) -> None:
         """Cut the scan elsewhere."""
-        slices = self.scene.slices
+        slices = self.scene.layers.slices.planes
         if slices is not None and slices.index[axis] != index:
             slices.move(axis, index)
             self._slices_moved()
 
     def switch_slice(self, axis: Any, shown: bool) -> None:
         """Show or hide one slice."""
-        if self.scene.slices is not None:
-            self.scene.slices.show(axis, shown)
+        slices = self.scene.layers.slices.planes
+        if slices is not None:
+            slices.show(axis, shown)
             self._slices_moved()
 
     def set_window(self, low: float, high: float) -> None:
         """Change the grey values shown black and white."""
-        slices = self.scene.slices
+        slices = self.scene.layers.slices.planes
         if slices is not None and slices.window != (low, high):
             self.scene.set_window(low, high)
             self._slices_moved()
@@ -159,9 +160,10 @@ class ViewLink(QObject):
 
     def _outline_grains(self) -> None:
         grains, scan = self.workspace.state.grains, self.workspace.scan
-        if self.scene.slices is not None and scan is not None:
+        slices = self.scene.layers.slices.planes
+        if slices is not None and scan is not None:
             fitting = grains is not None and grains.labels.shape == scan.shape
-            self.scene.slices.set_labels(grains.labels if grains is not None and fitting else None)
+            slices.set_labels(grains.labels if grains is not None and fitting else None)
         self.slices_changed.emit()
 
     def _selection_changed(self) -> None:
@@ -183,15 +185,15 @@ class ViewLink(QObject):
     def _avatar_moved(self, label: int, live: LiveAvatar) -> None:
         if label != self.workspace.selected:
             return
-        self.scene.set_avatar(live.surface)
-        self.scene.set_points(live.points)
-        if self.scene.has_deviation:
+        self.scene.layers.avatar.set(live.surface)
+        self.scene.layers.points.set(live.points)
+        if self.scene.layers.deviation.holds_something:
             self.surfaces.clear_deviation()
             self.arrange()
         self.draw()
 
     def _camera_moving(self, moving: bool) -> None:
-        if self.scene.has_volume:
+        if self.scene.layers.volume.holds_something:
             self.scene.set_moving(moving)
             self.viewport.request_render()
 
@@ -200,7 +202,8 @@ class ViewLink(QObject):
         self.draw()
 
     def _clicked(self, x: float, y: float) -> None:
-        if self.picking and (self.scene.is_shown("grains") or self.scene.is_shown("avatars")):
+        layers = self.scene.layers
+        if self.picking and (layers.grains.is_shown or layers.avatars.is_shown):
             label = self.scene.label_at(x, y)
             adding = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
             if not QGuiApplication.keyboardModifiers() & adding:
@@ -224,9 +227,9 @@ class ViewLink(QObject):
     def arrange(self, view: View | None = None) -> None:
         """Show the layers of the station; where they are empty, what comes before them."""
         state, layers = self.workspace.state, self._layers.shown(self.station)
-        whole: set[Layer] = {"grains"} if state.grains is not None else {"slices"}
+        whole: set[str] = {"grains"} if state.grains is not None else {"slices"}
         previewing = self.station == "export" and self.preview is not None
-        tray = self.shows_tray and self.scene.gallery.holds_something and not previewing
+        tray = self.shows_tray and self.scene.layers.tray.holds_something and not previewing
         if self.station == "style" and not tray:
             layers = set(whole)
         elif self.station in ("grains", "populations") and state.grains is None:
@@ -235,7 +238,7 @@ class ViewLink(QObject):
             self.station == "export" and not state.fits
         ):
             layers = whole
-        if "deviation" in layers and not self.scene.has_deviation:
+        if "deviation" in layers and not self.scene.layers.deviation.holds_something:
             # Before it is built, while the search runs, and for a grain that has no avatar yet.
             layers |= {"avatar", "grain"}
         if previewing:
@@ -246,14 +249,13 @@ class ViewLink(QObject):
         if overview and self.workspace.selected is not None and "grains" in layers:
             layers |= {"grain"}
         for layer, opacity in self._opacity.items():
-            self.scene.set_opacity(layer, opacity if self.station == "fit" else 1.0)
-        self.scene.show_layers(layers)
-        self.scene.show_gallery(tray)
+            self.scene.layers[layer].set_opacity(opacity if self.station == "fit" else 1.0)
+        self.scene.show_layers(layers | {"tray"} if tray else layers)
         single = self.station == "fit" and self.workspace.selected is not None
         latent = self.station == "latent"
         looked_at = self.preview if previewing else self.workspace.selected if single else None
         focus = (looked_at, latent, self.scene.points() is not None)
-        at_tray = self._tray.follow(tray, view is not None)
+        at_tray = self._tray.look_at_tray(tray, view is not None)
         if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.
             self._focus = focus

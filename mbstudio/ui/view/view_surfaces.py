@@ -78,28 +78,28 @@ class ViewSurfaces(QObject):
         """Build the overview of all grains."""
         grains = self._workspace.state.grains
         self._factors.clear()
-        self._scene.set_grains(None)
-        self._scene.set_others(None)
+        self._scene.layers.grains.set(None)
+        self._scene.layers.grains.set_chosen(None)
         if grains is not None:
             self._build(
                 "grains",
                 tr("Drawing the grains"),
                 lambda: label_surface(grains, self._overview),
-                lambda surface: self._scene.set_grains(surface, grains.unit),
+                lambda surface: self._scene.layers.grains.set(surface, grains.unit),
                 lambda: grains is self._workspace.state.grains,
             )
 
     def build_volume(self) -> None:
         """Build the scan as a cloud, if it is not there."""
         scan = self._workspace.scan
-        if scan is not None and not self._scene.has_volume:
+        if scan is not None and not self._scene.layers.volume.holds_something:
             most = largest_texture(self._scene.plotter.render_window)
             longest = min(self._volume, most) if most else self._volume
             self._build(
                 "volume",
                 tr("Drawing the volume"),
                 lambda: volume_voxels(scan, longest),
-                self._scene.set_volume,
+                self._scene.layers.volume.set,
                 lambda: scan is self._workspace.scan,
             )
 
@@ -109,8 +109,9 @@ class ViewSurfaces(QObject):
         grains = state.grains
         if label is None or grains is None or label != self._shown_grain:
             self._shown_grain = None if grains is None else label
-            for clear in (self._scene.set_grain, self._scene.set_avatar, self._scene.set_points):
-                clear(None)
+            layers = self._scene.layers
+            for layer in (layers.grain, layers.avatar, layers.points):
+                layer.set(None)
             self.clear_deviation()
             self.factors_ready.emit(None, None)
         if label is None or grains is None:
@@ -129,10 +130,10 @@ class ViewSurfaces(QObject):
 
         def take(chosen: _Chosen) -> None:
             self._factors[label] = chosen.grain_factors
-            self._scene.set_grain(chosen.grain, grains.unit)
+            self._scene.layers.grain.set(chosen.grain, grains.unit)
             if self._fits.running_label != label:
-                self._scene.set_avatar(chosen.avatar)
-                self._scene.set_points(chosen.points)
+                self._scene.layers.avatar.set(chosen.avatar)
+                self._scene.layers.points.set(chosen.points)
             self.factors_ready.emit(chosen.grain_factors, chosen.avatar_factors)
 
         self._build(
@@ -164,26 +165,26 @@ class ViewSurfaces(QObject):
             "deviation",
             tr("Drawing the deviation"),
             lambda: deviation_surface(fit.avatar, grains.grain(label)),
-            self._scene.set_deviation,
+            self._scene.layers.deviation.set,
             lambda: self._deviating is wanted,
         )
 
     def clear_deviation(self) -> None:
         """Take the map of deviations away: the avatar that it belongs to has changed."""
         self._deviating = None
-        self._scene.set_deviation(None)
+        self._scene.layers.deviation.set(None)
 
     def build_others(self) -> None:
         """Build the grains that are chosen beside the one looked at."""
         grains, space = self._workspace.state.grains, self._workspace
         wanted = space.chosen - {space.selected}
-        self._scene.set_others(None)
+        self._scene.layers.grains.set_chosen(None)
         if grains is not None and wanted:
             self._build(
                 "chosen",
                 tr("Drawing chosen grains"),
                 lambda: label_surface(grains, self._overview, wanted),
-                self._scene.set_others,
+                self._scene.layers.grains.set_chosen,
                 lambda: grains is space.state.grains and wanted == space.chosen - {space.selected},
             )
 
@@ -191,7 +192,7 @@ class ViewSurfaces(QObject):
         """Build all avatars where their grains lie."""
         fits, grains = self._workspace.state.fits, self._workspace.state.grains
         if not fits:
-            self._scene.set_avatars(None)
+            self._scene.layers.avatars.set(None)
             return
         unit = grains.unit if grains is not None else next(iter(fits.values())).avatar.unit
         self._build(
@@ -201,7 +202,7 @@ class ViewSurfaces(QObject):
                 (fit.avatar for fit in fits.values()),
                 40 if len(fits) < 100 else 24 if len(fits) < 500 else 14,
             ),
-            lambda surface: self._scene.set_avatars(surface, unit),
+            lambda surface: self._scene.layers.avatars.set(surface, unit),
             lambda: fits is self._workspace.state.fits,
         )
 

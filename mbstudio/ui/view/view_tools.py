@@ -82,15 +82,15 @@ class ViewTools(QObject):
         self.measure("distance", False)
 
     def _clicked(self, x: float, y: float) -> None:
-        if self.measuring is None or self._scene.columns.is_on:
+        if self.measuring is None or self._scene.layers.side_by_side.is_shown:
             return
-        point = self._scene.point_at(x, y)
-        if point is None:
+        hit = self._scene.pick(x, y)
+        if hit is None:
             self._window.statusBar().showMessage(tr("There is no surface or slice under the mouse."))
             return
-        measurement = self._scene.measurements.add_point(self.measuring, point)
+        measurement = self._scene.measurements.add_point(self.measuring, hit.point)
         if measurement.is_complete:
-            measured = tr(_MEASURED[self.measuring], value=measurement.told(self._scene.unit))
+            measured = tr(_MEASURED[self.measuring], value=measurement.format_value(self._scene.unit))
             words = f"{measured} {tr(_HINTS[self.measuring])}"
         else:
             words = tr(

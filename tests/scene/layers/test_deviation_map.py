@@ -47,21 +47,21 @@ def test_the_colours_tell_outside_from_inside(plotter, outside):
         scene.fit()
         return scene.screenshot()[150, 200].astype(int)
 
-    scene.set_deviation(outside)
+    scene.layers.deviation.set(outside)
     red = middle()
-    scene.set_deviation(deviation_surface(one_ball(170.0), ball_grain(20), 40))
+    scene.layers.deviation.set(deviation_surface(one_ball(170.0), ball_grain(20), 40))
     blue = middle()
     assert red[0] > red[2] + 60
     assert blue[2] > blue[0] + 60
-    scene.set_deviation(None)
-    assert not scene.has_deviation
+    scene.layers.deviation.set(None)
+    assert not scene.layers.deviation.holds_something
 
 
 def test_no_deviation_is_the_middle_of_the_scale(plotter, outside):
     scene = Scene(plotter, DARK)
     nothing = outside.deviation.__class__(np.zeros(len(outside.surface.points)), 0.0, 0.0, "um")
     nothing.distances[0] = 5.0  # far round the back, so that the scale reaches somewhere
-    scene.set_deviation(DeviationSurface(outside.surface, nothing))
+    scene.layers.deviation.set(DeviationSurface(outside.surface, nothing))
     scene.look_from("front")
     colour = scene.screenshot()[150, 200].astype(int)
     assert np.ptp(colour) < 12, "a light grey without hue"
@@ -69,8 +69,8 @@ def test_no_deviation_is_the_middle_of_the_scale(plotter, outside):
 
 def test_the_scale_says_rms_and_largest_with_units(plotter, outside):
     scene = Scene(plotter)
-    scene.set_deviation(outside)
-    scale = scene._deviation.scale
+    scene.layers.deviation.set(outside)
+    scale = scene.layers.deviation.scale
     assert scale.heading.GetInput() == "Deviation (µm)"
     largest = np.abs(outside.deviation.distances).max()
     assert f"largest +{largest:.3g} µm" in scale.foot.GetInput()
@@ -78,13 +78,13 @@ def test_the_scale_says_rms_and_largest_with_units(plotter, outside):
     ticks = [text.GetInput() for text in scale.ticks]
     assert ticks[2] == "0"
     assert ticks[0] == ticks[4].replace("+", "\N{MINUS SIGN}")
-    assert float(ticks[4]) == scene._deviation.reach
-    assert largest * 0.97 <= scene._deviation.reach <= 1.34 * largest
+    assert float(ticks[4]) == scene.layers.deviation.reach
+    assert largest * 0.97 <= scene.layers.deviation.reach <= 1.34 * largest
 
 
 def test_the_scale_is_there_with_the_map_only(plotter, outside):
     scene = Scene(plotter)
-    scene.set_deviation(outside)
+    scene.layers.deviation.set(outside)
     scene.show_layers({"deviation"})
     scene.look_from("front")
     # The strip of colours in the upper right corner holds its deepest blue and red.

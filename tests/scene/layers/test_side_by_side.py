@@ -21,9 +21,9 @@ def body(extents, centre):
 @pytest.fixture
 def scene(plotter):
     scene = Scene(plotter, LIGHT)
-    scene.set_grain(body((50, 50, 50), (0, 0, 0)), "um")
+    scene.layers.grain.set(body((50, 50, 50), (0, 0, 0)), "um")
     scene.look_from("front")
-    scene.columns.show(
+    scene.layers.side_by_side.set(
         [
             Column("Grain 1", body((40, 40, 80), (500, 0, 0)), "grain"),
             Column("Avatar", body((80, 40, 40), (0, 900, -300)), "avatar"),
@@ -46,7 +46,7 @@ def extent(mask):
 
 
 def test_each_body_stands_in_the_middle_of_its_column_at_one_scale(scene):
-    scene.columns.switch(True)
+    scene.layers.side_by_side.show(True)
     first, second, third = columns_of(scene.screenshot())
     width, height = extent(first)
     assert height == pytest.approx(2 * width, rel=0.06)
@@ -59,7 +59,7 @@ def test_each_body_stands_in_the_middle_of_its_column_at_one_scale(scene):
 
 
 def test_all_turn_together(scene):
-    scene.columns.switch(True)
+    scene.layers.side_by_side.show(True)
     before = [extent(mask) for mask in columns_of(scene.screenshot())[:2]]
     scene.look_from("top")
     after = [extent(mask) for mask in columns_of(scene.screenshot())[:2]]
@@ -69,9 +69,9 @@ def test_all_turn_together(scene):
 
 
 def test_a_column_is_replaced_where_it_stands(scene):
-    scene.columns.switch(True)
+    scene.layers.side_by_side.show(True)
     scene.screenshot()
-    scene.columns.replace(1, body((40, 40, 80), (77, 0, 0)))
+    scene.layers.side_by_side.replace(1, body((40, 40, 80), (77, 0, 0)))
     first, second, _ = columns_of(scene.screenshot())
     assert extent(second) == pytest.approx(extent(first), rel=0.05)
 
@@ -79,17 +79,17 @@ def test_a_column_is_replaced_where_it_stands(scene):
 def test_switching_off_brings_the_view_back(scene):
     before = scene.screenshot()
     renderers = scene.plotter.render_window.GetRenderers().GetNumberOfItems()
-    scene.columns.switch(True)
+    scene.layers.side_by_side.show(True)
     scene.look_from("top")
     beside = scene.screenshot()
     assert (beside != before).any(axis=2).mean() > 0.05
-    scene.columns.switch(False)
+    scene.layers.side_by_side.show(False)
     assert (scene.screenshot() == before).all()
     assert scene.plotter.render_window.GetRenderers().GetNumberOfItems() == renderers
 
 
 def test_the_columns_take_the_theme(scene):
-    scene.columns.switch(True)
+    scene.layers.side_by_side.show(True)
     scene.set_theme(DARK)
     picture = scene.screenshot().astype(int)
     assert picture[5, 5].mean() < 60

@@ -23,7 +23,7 @@ def scan(rng):
 def scene(plotter, scan):
     scene = Scene(plotter, LIGHT)
     scene.set_scan(scan)
-    scene.set_volume(volume_voxels(scan))
+    scene.layers.volume.set(volume_voxels(scan))
     scene.look_from("front")
     scene.show_layers({"volume"})
     return scene
@@ -46,7 +46,7 @@ def test_the_cloud_shows_what_is_dense_and_not_the_void(scene):
 def test_in_motion_it_is_drawn_by_fewer_voxels_that_show_the_same(scene):
     fine = covered(scene)
     scene.set_moving(True)
-    cloud = scene._cloud
+    cloud = scene.layers.volume.cloud
     assert cloud.coarse.GetVisibility()
     assert not cloud.actor.GetVisibility()
     few, many = (
@@ -68,7 +68,7 @@ def test_the_grey_window_holds_for_the_cloud(scene):
 
 def test_taking_the_scan_away_takes_the_cloud(scene):
     scene.set_scan(None)
-    assert not scene.has_volume
+    assert not scene.layers.volume.holds_something
     assert not covered(scene).any()
 
 

@@ -15,7 +15,7 @@ from mbstudio.scene.surfaces import surface_of
 def scene(plotter):
     scene = Scene(plotter, LIGHT)
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=100)
-    scene.set_avatar(surface_of(mesh), "um")
+    scene.layers.avatar.set(surface_of(mesh), "um")
     scene.look_from("front")  # x to the right, z upwards
     scene.clip.span(scene.points())
     return scene
@@ -53,16 +53,16 @@ def test_one_looks_into_the_open_body(scene):
     hide_frame(scene)
     assert scene.screenshot()[150, 200].astype(int)[2] > scene.screenshot()[150, 200].astype(int)[0] + 20
     scene.clip.switch(False)
-    assert scene._actors["avatar"].mapper.GetClippingPlanes().GetNumberOfItems() == 0
-    assert scene._actors["avatar"].prop.culling == "back"
+    assert scene.layers.avatar.actors[0].mapper.GetClippingPlanes().GetNumberOfItems() == 0
+    assert scene.layers.avatar.actors[0].prop.culling == "back"
 
 
 def test_a_surface_that_comes_later_is_cut_too(scene):
     scene.clip.switch(True)
     scene.clip.set_share(2, 0.0, 0.5)
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=100)
-    scene.set_avatar(None)
-    scene.set_avatar(surface_of(mesh), "um")
+    scene.layers.avatar.set(None)
+    scene.layers.avatar.set(surface_of(mesh), "um")
     hide_frame(scene)
     rows = np.nonzero(covered(scene))[0]
     assert rows.min() >= 147, "nothing of it above the middle"
@@ -71,11 +71,11 @@ def test_a_surface_that_comes_later_is_cut_too(scene):
 def test_nothing_is_picked_in_what_is_cut_away(scene):
     scene.screenshot()
     x, y = to_display(scene.plotter.renderer, np.array([[60.0, 0.0, 0.0]]))[0]
-    assert scene.point_at(x, y) is not None
+    assert scene.pick(x, y) is not None
     scene.clip.switch(True)
     scene.clip.set_share(0, 0.0, 0.5)
     scene.screenshot()
-    assert scene.point_at(x, y) is None
+    assert scene.pick(x, y) is None
 
 
 def test_a_face_follows_the_mouse_and_stops_at_the_other(scene):

@@ -21,8 +21,8 @@ def ball(radius):
 def test_a_distance_is_in_the_unit_that_makes_it_short():
     measured = Measurement("distance", np.array([[0.0, 0, 0], [300, 400, 0]]))
     assert measured.value == 500
-    assert measured.told("um") == "500 µm"
-    assert Measurement("distance", measured.points * 10).told("um") == "5 mm"
+    assert measured.format_value("um") == "500 µm"
+    assert Measurement("distance", measured.points * 10).format_value("um") == "5 mm"
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_an_angle_is_that_at_the_second_point(third, angle):
 
 def test_points_gather_until_a_measurement_is_complete(plotter):
     measurements = Scene(plotter).measurements
-    assert measurements.add_point("angle", np.zeros(3)).told("um") == ""
+    assert measurements.add_point("angle", np.zeros(3)).format_value("um") == ""
     assert not measurements.add_point("angle", np.eye(3)[0]).is_complete
     # Another kind begins anew: what was not ended is forgotten.
     measurements.add_point("distance", np.zeros(3))
@@ -47,13 +47,13 @@ def test_points_gather_until_a_measurement_is_complete(plotter):
         ("distance", 1),
     ]
     measurements.drop_unfinished()
-    assert [given.told("mm") for given in measurements.measured] == ["2 mm"]
+    assert [given.format_value("mm") for given in measurements.measured] == ["2 mm"]
 
 
 def test_a_measurement_through_a_body_is_to_be_seen_over_it(plotter):
     scene = Scene(plotter, LIGHT)
-    scene.set_grain(ball(100), "um")
-    scene.set_opacity("grain", 1.0)
+    scene.layers.grain.set(ball(100), "um")
+    scene.layers.grain.set_opacity(1.0)
     scene.look_from("front")
     before = scene.screenshot().astype(int)
     for x in (-60.0, 60.0):
@@ -72,17 +72,17 @@ def test_a_measurement_through_a_body_is_to_be_seen_over_it(plotter):
 
 def test_the_point_under_a_pixel_lies_on_the_surface_or_slice(plotter, rng):
     scene = Scene(plotter)
-    scene.set_grain(ball(100), "um")
+    scene.layers.grain.set(ball(100), "um")
     scene.look_from("top")
     scene.screenshot()
     x, y = to_display(scene.plotter.renderer, np.array([[30.0, 40.0, 0.0]]))[0]
-    point = scene.point_at(x, y)
+    point = scene.pick(x, y).point
     np.testing.assert_allclose(point[:2], [30, 40], atol=0.5)
     assert point[2] == pytest.approx(np.sqrt(100**2 - 50**2), rel=0.01)
-    assert scene.point_at(3, 150) is None
+    assert scene.pick(3, 150) is None
     # A slice before the ball is nearer.
     grey = rng.integers(0, 255, (11, 31, 31)).astype(np.uint8)
     scene.set_scan(Scan(grey, VoxelSize(10, 10, 10, "um"), (-150.0, -150.0, 100.0)))
-    np.testing.assert_allclose(scene.point_at(x, y), [30, 40, 150], atol=0.5)
+    np.testing.assert_allclose(scene.pick(x, y).point, [30, 40, 150], atol=0.5)
     scene.show_layers({"grain"})
-    assert scene.point_at(x, y)[2] == pytest.approx(86.6, rel=0.01)
+    assert scene.pick(x, y).point[2] == pytest.approx(86.6, rel=0.01)

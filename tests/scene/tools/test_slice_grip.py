@@ -41,7 +41,12 @@ def test_a_frame_is_dragged_by_its_voxels(scene):
     scene.look_from("front")  # x to the right, z upwards
     scene.screenshot()
     moved = []
-    grip = SliceGrip(scene, lambda axis, index: (moved.append((axis, index)), scene.slices.move(axis, index)))
+
+    def move(axis, index):
+        moved.append((axis, index))
+        scene.layers.slices.planes.move(axis, index)
+
+    grip = SliceGrip(scene.layers.slices, move)
     # The slice across z at voxel 12 is a level line at z = 300 + 12 * 20.
     x, y = to_display(scene.plotter.renderer, np.array([[150.0, 200.0, 540.0]]))[0]
     assert grip.over(x, y) == "z"
@@ -49,19 +54,19 @@ def test_a_frame_is_dragged_by_its_voxels(scene):
     grip.drag(x + 30, y + 1 + 5 * 20 * pixels_per_um(scene))
     assert moved == [("z", 17)]
     grip.drag(x, y + 1 + 1000)
-    assert scene.slices.index["z"] == 23, "no further than the last"
+    assert scene.layers.slices.planes.index["z"] == 23, "no further than the last"
     grip.drop()
     grip.drag(x, y)
-    assert scene.slices.index["z"] == 23, "let go is let go"
+    assert scene.layers.slices.planes.index["z"] == 23, "let go is let go"
 
 
 def test_there_is_nothing_to_grab_away_from_frames_or_where_they_are_hidden(scene):
     scene.look_from("front")
     scene.screenshot()
-    grip = SliceGrip(scene, lambda *_: None)
+    grip = SliceGrip(scene.layers.slices, lambda *_: None)
     x, y = to_display(scene.plotter.renderer, np.array([[150.0, 200.0, 540.0]]))[0]
     assert not grip.grab(x, y + 25)
-    scene.slices.show("z", False)
+    scene.layers.slices.planes.show("z", False)
     assert grip.over(x, y) != "z"
     scene.show_layers(set())
     assert grip.over(x, y) is None
@@ -78,7 +83,7 @@ def test_seen_end_on_a_drag_upwards_pulls_nearer(scene):
 
 
 def test_the_slice_under_a_line_of_sight(scene):
-    slices = scene.slices
+    slices = scene.layers.slices.planes
     # From above: the slice across z at 540 lies highest in the middle of the box.
     hit = slices.point_on(np.array([152.0, 233.0, 5000.0]), np.array([0.0, 0.0, -1.0]))
     np.testing.assert_allclose(hit, [152, 233, 540])

@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt
 import mbstudio
 from mbstudio.core.dem import targets
 from mbstudio.core.dem.target import complete_options
+from tests.scene.conftest import flatten
 from tests.ui.conftest import PATIENCE
 
 
@@ -30,8 +31,7 @@ def choose_in_table(window, label):
 
 def silhouette(window, layer):
     """Return the mask of pixels that a layer covers, seen from the present camera."""
-    scene = window.link.scene
-    scene.flatten(layer, "#ffffff", "#000000")
+    flatten(window.link.scene, layer)
     return window.viewport.picture().mean(axis=2) > 127
 
 

@@ -65,7 +65,7 @@ def test_a_slice_is_dragged_in_the_real_viewport(scanned, idle):
     window.link.look_from("front")
     idle()
     viewport.render_now()
-    slices = window.link.scene.slices
+    slices = window.link.scene.layers.slices.planes
     corner = slices.corners("z")[0]
     above = corner + np.array([0, 0, 10 * slices.spacing("z")])
     places = to_display(viewport.plotter.renderer, np.array([corner, above]))

@@ -62,7 +62,7 @@ def test_the_clipboard_gets_the_view(looking):
 def test_a_turntable_goes_once_around_and_comes_back(looking, idle, tmp_path):
     window = looking
     renderer = window.viewport.plotter.renderer
-    begun, seen = camera.stand(renderer), window.viewport.picture()
+    begun, seen = camera.pose(renderer), window.viewport.picture()
     window.pictures.write_turntable(tmp_path / "turn.png", frames=4)
     assert window.pictures.is_turning
     assert not window.commands.run("view.turntable"), "one at a time"
@@ -72,11 +72,11 @@ def test_a_turntable_goes_once_around_and_comes_back(looking, idle, tmp_path):
     pictures = [imageio.imread(file) for file in files]
     assert (pictures[0] == seen).all()
     # A quarter on the camera looks along x: what the preset from the right shows.
-    np.testing.assert_allclose(np.ravel(camera.stand(renderer)[0]), np.ravel(begun[0]))
+    np.testing.assert_allclose(np.ravel(camera.pose(renderer)[0]), np.ravel(begun[0]))
     assert "4 pictures" in window.messages.text
     window.messages.dismiss()
     idle()
-    camera.return_to(renderer, begun)
+    camera.set_pose(renderer, begun)
     renderer.GetActiveCamera().Azimuth(90)
     quarter = window.viewport.picture()
     assert np.abs(pictures[1].astype(int) - quarter).mean() < 1
@@ -85,7 +85,7 @@ def test_a_turntable_goes_once_around_and_comes_back(looking, idle, tmp_path):
 
 def test_a_turntable_that_is_cancelled_leaves_nothing(looking, idle, qtbot, tmp_path):
     window = looking
-    begun = camera.stand(window.viewport.plotter.renderer)
+    begun = camera.pose(window.viewport.plotter.renderer)
     task = window.pictures.write_turntable(tmp_path / "turn.gif", frames=400)
     drawn = []
     task.reported.connect(drawn.append)
@@ -94,7 +94,7 @@ def test_a_turntable_that_is_cancelled_leaves_nothing(looking, idle, qtbot, tmp_
     idle()
     assert task.state == "cancelled"
     assert not list(tmp_path.iterdir())
-    np.testing.assert_allclose(camera.stand(window.viewport.plotter.renderer)[0], begun[0])
+    np.testing.assert_allclose(camera.pose(window.viewport.plotter.renderer)[0], begun[0])
 
 
 def test_mp4_without_its_writer_is_said_at_once(looking, tmp_path, monkeypatch):

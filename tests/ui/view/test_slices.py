@@ -60,7 +60,7 @@ def panes(scanned, idle):
 
 def test_a_pane_shows_the_voxels_of_its_plane(scanned, panes):
     scan, pane = scanned.workspace.scan, panes["y"]
-    slices = scanned.link.scene.slices
+    slices = scanned.link.scene.layers.slices.planes
     index = slices.index["y"]
     shown = pane.grab().toImage()
     ratio = shown.devicePixelRatio()
@@ -76,20 +76,20 @@ def test_a_pane_shows_the_voxels_of_its_plane(scanned, panes):
 def test_the_wheel_moves_the_slice_in_every_place_where_it_shows(scanned, panes):
     link, panel = scanned.link, scanned.panels_scan
     wheel(panes["z"], 3)
-    assert link.scene.slices.index["z"] == 35
+    assert link.scene.layers.slices.planes.index["z"] == 35
     assert panel.sliders["z"].number.value() == 35
     assert panes["x"]._cross == (32, 35)
     assert panes["y"]._cross == (32, 35)
     QTest.keyClick(panes["z"], Qt.Key.Key_Down)
-    assert link.scene.slices.index["z"] == 34
+    assert link.scene.layers.slices.planes.index["z"] == 34
     wheel(panes["z"], 99)
-    assert link.scene.slices.index["z"] == 63
+    assert link.scene.layers.slices.planes.index["z"] == 63
 
 
 def test_a_click_moves_both_other_slices(scanned, panes):
     pane = panes["z"]
     QTest.mouseClick(pane, Qt.MouseButton.LeftButton, pos=pane.place_of(10, 50).toPoint())
-    index = scanned.link.scene.slices.index
+    index = scanned.link.scene.layers.slices.planes.index
     assert abs(index["x"] - 10) <= 1
     assert abs(index["y"] - 50) <= 1
     assert index["z"] == 32
@@ -106,7 +106,7 @@ def test_a_slice_dragged_in_space_moves_the_pane(scanned, panes, idle):
     window, viewport = scanned, scanned.viewport
     window.link.look_from("front")
     viewport.render_now()
-    slices = window.link.scene.slices
+    slices = window.link.scene.layers.slices.planes
     corner = slices.corners("z")[0]
     above = corner + np.array([0, 0, 10 * slices.spacing("z")])
     places = to_display(viewport.plotter.renderer, np.array([corner, above]))
@@ -124,7 +124,7 @@ def test_a_slice_dragged_in_space_moves_the_pane(scanned, panes, idle):
 
 
 def test_dragging_with_the_right_button_changes_the_grey_window(scanned, panes):
-    slices = scanned.link.scene.slices
+    slices = scanned.link.scene.layers.slices.planes
     low, high = slices.window
     start = QPointF(panes["z"].rect().center())
     drag(panes["z"], Qt.MouseButton.RightButton, start, start + QPointF(40, 0))
@@ -164,7 +164,7 @@ def test_the_mouse_over_a_slice_in_space_tells_the_same(scanned, idle):
     window, viewport = scanned, scanned.viewport
     window.link.look_from("top")
     viewport.render_now()
-    slices, scan = window.link.scene.slices, window.workspace.scan
+    slices, scan = window.link.scene.layers.slices.planes, window.workspace.scan
     for axis in ("x", "y"):
         window.link.switch_slice(axis, False)
     x, y = to_display(
@@ -206,7 +206,7 @@ def test_the_volume_is_no_larger_than_the_graphics_takes(scanned, idle, monkeypa
     monkeypatch.setattr("mbstudio.ui.view.view_surfaces.largest_texture", lambda _: 20)
     assert window.commands.run("layer.volume")
     idle()
-    mapper = window.link.scene._cloud.actor.GetMapper()
+    mapper = window.link.scene.layers.volume.cloud.actor.GetMapper()
     # 64 voxels a side, every fourth: 16.
     assert mapper.GetInput().GetDimensions() == (16, 16, 16)
 
@@ -215,7 +215,7 @@ def test_turning_shows_the_coarse_volume(scanned, idle):
     window = scanned
     assert window.commands.run("layer.volume")
     idle()
-    cloud, viewport = window.link.scene._cloud, window.viewport
+    cloud, viewport = window.link.scene.layers.volume.cloud, window.viewport
     QTest.mousePress(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))
     assert cloud.coarse.GetVisibility()
     QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))

@@ -18,7 +18,7 @@ def viewport(qtbot):
     viewport.resize(400, 300)
     scene = Scene(viewport.plotter)
     viewport.scaled.connect(scene.set_pixel_ratio)
-    scene.set_avatar(surface_of(trimesh.creation.icosphere(subdivisions=3, radius=100)), "um")
+    scene.layers.avatar.set(surface_of(trimesh.creation.icosphere(subdivisions=3, radius=100)), "um")
     scene.look_from("front")
     viewport.show()
     qtbot.waitExposed(viewport)

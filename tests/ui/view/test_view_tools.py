@@ -41,8 +41,8 @@ def test_two_clicks_measure_a_distance_and_choose_nothing(looking):
     # Both points lie on top of their grains, over the centres: 10 µm voxels, semi-axes 9 and 8 along z.
     expected = np.array([230, 230, 230 + 10 * (8 - 9)])
     assert measured.value == pytest.approx(np.linalg.norm(expected), rel=0.02)
-    assert measured.told("um") in window.statusBar().currentMessage()
-    assert "µm" in measured.told("um")
+    assert measured.format_value("um") in window.statusBar().currentMessage()
+    assert "µm" in measured.format_value("um")
 
 
 def test_escape_clears_measurements_but_first_a_message(looking, qtbot):
@@ -76,10 +76,10 @@ def test_the_clipping_box_cuts_by_its_sliders_and_is_reset(looking, idle):
     grain = window.workspace.state.grains.grain(1).centroid
     x, y = to_display(window.viewport.plotter.renderer, grain[None])[0]
     cut = window.viewport.picture()
-    assert window.link.scene.point_at(x, y) is None
+    assert window.link.scene.pick(x, y) is None
     assert (cut != before[: cut.shape[0]]).any() if cut.shape == before.shape else True
     assert window.commands.run("view.clip_reset")
-    assert window.link.scene.point_at(x, y) is not None
+    assert window.link.scene.pick(x, y) is not None
     assert window.tools.bar.sliders[0].value() == (0, 1000)
     assert window.commands.run("view.clip")
     assert not window.tools.bar.isVisible()
@@ -96,23 +96,23 @@ def test_the_map_of_deviations_replaces_avatar_and_grain(with_grains, idle):
     link, scene = window.link, window.link.scene
     assert window.commands.run("layer.deviation")
     idle()
-    assert scene.has_deviation
-    assert scene.is_shown("deviation")
-    assert not scene.is_shown("avatar")
+    assert scene.layers.deviation.holds_something
+    assert scene.layers.deviation.is_shown
+    assert not scene.layers.avatar.is_shown
     assert not link.is_shown("grain")
     fit = window.workspace.state.fits[1]
-    told = float(scene._deviation.scale.foot.GetInput().split()[1])
+    told = float(scene.layers.deviation.scale.foot.GetInput().split()[1])
     # The fit's own rms is of the grain's points to the avatar; this one of the avatar's to the grain.
     assert 0.3 * fit.verdict.rms < told < 3 * fit.verdict.rms
     # A new fit of another avatar takes its map with it, and brings its own.
     window.panels_fit.n.setValue(3)
     assert window.commands.run("fit.grain")
     idle()
-    assert scene.has_deviation
-    assert float(scene._deviation.scale.foot.GetInput().split()[1]) > told
+    assert scene.layers.deviation.holds_something
+    assert float(scene.layers.deviation.scale.foot.GetInput().split()[1]) > told
     assert window.commands.run("layer.deviation")
     assert link.is_shown("avatar")
     assert link.is_shown("grain")
     window.workspace.select(2)
     idle()
-    assert not scene.has_deviation
+    assert not scene.layers.deviation.holds_something

@@ -91,7 +91,7 @@ class ExportLink(QObject):
             self.update()
 
     def _repaint(self) -> None:
-        self._view.scene.set_edges(self._edges)
+        self._view.scene.layers.shape.set_edges(self._edges)
 
     # ---- what is looked at -----------------------------------------------------------------------
 
@@ -141,7 +141,8 @@ class ExportLink(QObject):
         self._shown = None
         if self._view.preview is not None:
             self._view.preview = None
-            self._view.scene.set_export(None, None)
+            self._view.scene.layers.shape.set(None)
+            self._view.scene.layers.envelope.set(None)
             self._view.arrange()
             self._offer_layers()
 
@@ -149,10 +150,11 @@ class ExportLink(QObject):
         if self._window.station != "export":
             return
         self._card.show_preview(preview)
-        scene = self._view.scene
-        scene.set_export(surfaces.shape, surfaces.envelope, surfaces.unit)
+        layers = self._view.scene.layers
+        layers.shape.set(surfaces.shape, surfaces.unit)
+        layers.envelope.set(surfaces.envelope)
         self._edges, self._has_envelope = surfaces.edges, surfaces.envelope is not None
-        scene.set_edges(surfaces.edges)
+        layers.shape.set_edges(surfaces.edges)
         self._view.preview = preview.body.name
         self._view.arrange()
         self._offer_layers()

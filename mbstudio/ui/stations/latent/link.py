@@ -129,8 +129,8 @@ class LatentLink(QObject):
         learner, about = self._work.learner, self._work.about
         self.letters.clear()
         self.pictures.use(learner)
-        self._scene.set_live(None)
-        self._scene.set_ghosts(None, None)
+        for layer in (self._scene.layers.live, self._scene.layers.ghost_a, self._scene.layers.ghost_b):
+            layer.set(None)
         self._dock.blend.ghosts.setChecked(False)
         self._framed = None
         for letter in LETTERS:
@@ -162,7 +162,7 @@ class LatentLink(QObject):
         if grain is None or about is None:
             return
         latent_station = self._window.station == "latent"
-        self._scene.set_live(_surface(grain), grain.avatar.unit if latent_station else None)
+        self._scene.layers.live.set(_surface(grain), grain.avatar.unit if latent_station else None)
         self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
         if about.map is not None:
             self._dock.map.set_here(about.map.places(grain.latent[None])[0])
@@ -326,20 +326,21 @@ class LatentLink(QObject):
     def show_ghosts(self, shown: bool) -> None:
         """Show or hide A and B as ghosts about the grain."""
         for layer in ("ghost_a", "ghost_b"):
-            self._window.link.show_layer(layer, shown)  # type: ignore[arg-type]
+            self._window.link.show_layer(layer, shown)
         self._draw_ghosts()
         self._window.commands.refresh()
 
     def _draw_ghosts(self) -> None:
         learner = self._work.learner
         if learner is None or not {"A", "B"} <= set(self.letters):
-            self._scene.set_ghosts(None, None)
+            self._scene.layers.ghost_a.set(None)
+            self._scene.layers.ghost_b.set(None)
             return
         first = self.letters["A"][1]
         # As the interpolation takes it: mirrored to lie like A.
         second = align_to(learner, first, self.letters["B"][1])
-        shown = [_surface(live_grain(learner, latent, AT_REST)) for latent in (first, second)]
-        self._scene.set_ghosts(*shown)
+        self._scene.layers.ghost_a.set(_surface(live_grain(learner, first, AT_REST)))
+        self._scene.layers.ghost_b.set(_surface(live_grain(learner, second, AT_REST)))
         if self._window.station == "latent":
             self._scene.fit_if_cut()
         self._window.viewport.request_render()

@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.units import conversion_factor
-from mbstudio.scene.layers.gallery import tray_surface
+from mbstudio.scene.layers.tray import tray_surface
 from mbstudio.ui.language import tr
 from mbstudio.ui.soon import Soon
 from mbstudio.ui.workers import Task
@@ -113,14 +113,15 @@ class StyleLink(QObject):
     def _selected(self) -> None:
         chosen = self._clones.selected
         self._dock.clones.select(chosen)
-        self._window.link.scene.gallery.select(chosen)
+        self._window.link.scene.layers.tray.select(chosen)
         self._lay_out()
         self._window.viewport.request_render()
 
     def _clicked(self, x: float, y: float) -> None:
-        scene = self._window.link.scene
-        if scene.gallery.is_visible:
-            self._clones.select(scene.gallery.label_at(x, y, self._window.viewport.plotter.renderer))
+        tray = self._window.link.scene.layers.tray
+        if tray.is_visible:
+            hit = tray.pick(x, y)
+            self._clones.select(None if hit is None else hit.label)
 
     def _export(self) -> None:
         self._window.panels_export.choose("clones")
@@ -130,11 +131,11 @@ class StyleLink(QObject):
 
     def _lay_out(self) -> None:
         """Build the page of the tray that holds the chosen clone, if it does not lie there."""
-        clones, scene = self._space.clones, self._window.link.scene
+        clones, tray = self._space.clones, self._window.link.scene.layers.tray
         if clones is None:
             self._laid_out = None
-            if scene.gallery.holds_something:
-                scene.set_gallery(None)
+            if tray.holds_something:
+                tray.set(None)
                 self._window.link.arrange()
             return
         if not self._window.link.shows_tray:
@@ -163,8 +164,8 @@ class StyleLink(QObject):
 
         def done(surface: object) -> None:
             if self._laid_out == wanted:
-                scene.set_gallery(surface, unit)  # type: ignore[arg-type]
-                scene.gallery.select(self._clones.selected)
+                tray.set(surface, unit)  # type: ignore[arg-type]
+                tray.select(self._clones.selected)
                 self._window.link.arrange()
 
         task.succeeded.connect(done)

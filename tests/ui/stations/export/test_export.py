@@ -52,9 +52,9 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
     assert card.texts["Spheres"] == "40"
     assert float(card.texts["IoU"]) > 0.97
     assert float(card.texts["Volume error"].split()[0]) < 0.2
-    assert scene.is_shown("shape")
-    assert scene.is_shown("envelope")
-    assert not scene.is_shown("avatars")
+    assert scene.layers.shape.is_shown
+    assert scene.layers.envelope.is_shown
+    assert not scene.layers.avatars.is_shown
     before = window.viewport.picture()
     window.panels_export.options.clumps.number.setValue(3)
     window.settle()
@@ -75,8 +75,8 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
     card.switch.setChecked(False)
     window.settle()
     assert card.texts == {}
-    assert scene.is_shown("avatars")
-    assert not scene.is_shown("shape")
+    assert scene.layers.avatars.is_shown
+    assert not scene.layers.shape.is_shown
     assert window.commands.action("layer.avatars").isVisible()
 
 
@@ -98,7 +98,7 @@ def test_the_preview_is_centred_and_follows_the_selection(exporting):
     assert card.name.text() == "grain_00001"
     window.enter("fit")
     window.settle()
-    assert not window.link.scene.is_shown("shape")
+    assert not window.link.scene.layers.shape.is_shown
 
 
 def test_spheres_are_chosen_by_what_they_reach(exporting, tmp_path):

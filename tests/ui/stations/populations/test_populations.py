@@ -151,7 +151,7 @@ def test_a_rectangle_and_a_lasso_choose_what_they_hold(measured, idle):
     assert sorted(window.table.chosen_labels()) == [2, 3]
     # Both are solid in the view: the one looked at, and the other cut out of the overview.
     assert window.link.scene.chosen == {2, 3}
-    assert window.link.scene._overviews.others is not None
+    assert window.link.scene.layers.grains.holds_chosen
 
 
 def test_the_table_and_the_view_bring_out_points(measured, idle):

@@ -196,9 +196,9 @@ def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
     # As a population, in the table, in the view and in the choice of what to export.
     assert [(p.name, len(p)) for p in window.populations.populations] == [("parents", 12), ("clones", 12)]
     assert dock.clones.rowCount() == 12
-    gallery = window.link.scene.gallery
+    gallery = window.link.scene.layers.tray
     assert gallery.is_visible
-    labels = window.link.scene.gallery._mesh.cell_data["label"]
+    labels = window.link.scene.layers.tray._mesh.cell_data["label"]
     assert set(labels.tolist()) == set(range(1, 13))
     export = window.panels_export
     export.choose("clones")
@@ -216,7 +216,7 @@ def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
 def _choose_by_click(window):
     """A click on the fifth body chooses it in view, table and panel."""
     scene, renderer = window.link.scene, window.viewport.plotter.renderer
-    mesh = scene.gallery._mesh
+    mesh = scene.layers.tray._mesh
     cells = np.flatnonzero(mesh.cell_data["label"] == 5)
     window.viewport.render_now()
     renderer.SetWorldPoint(*mesh.extract_cells(cells).center, 1.0)
@@ -233,7 +233,7 @@ def _choose_by_click(window):
 
 
 def gallery_colour(scene, label):
-    mesh = scene.gallery._mesh
+    mesh = scene.layers.tray._mesh
     return tuple(mesh.cell_data["colour"][mesh.cell_data["label"] == label][0].tolist())
 
 
@@ -255,7 +255,7 @@ def _write_and_read(window, idle, tmp_path):
     idle()
     window.files.new_project()
     assert window.workspace.clones is None
-    assert not window.link.scene.gallery.holds_something
+    assert not window.link.scene.layers.tray.holds_something
     assert window.populations.populations == []
     assert window.panels_export.selection.findData("clones") < 0
     window.files.open_path(tmp_path / "boxes.mbs")

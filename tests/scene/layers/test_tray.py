@@ -8,8 +8,9 @@ import pyvista as pv
 
 from mbstudio.core.metaball import Avatar
 from mbstudio.scene import Scene
-from mbstudio.scene.layers.gallery import GAP, TrayCamera, tray_places, tray_surface
+from mbstudio.scene.layers.tray import GAP, tray_places, tray_surface
 from mbstudio.scene.theme import LIGHT, rgb
+from mbstudio.scene.tray_camera import TrayCamera
 
 
 def balls(count):
@@ -51,34 +52,33 @@ def scene():
 
 
 def test_one_is_picked_and_brought_out(scene):
-    scene.set_gallery(tray_surface(balls(6), aspect=1.5), "mm")
+    scene.layers.tray.set(tray_surface(balls(6), aspect=1.5), "mm")
     assert scene.points() is None
-    scene.show_gallery(True)
+    scene.layers.tray.show(True)
     camera = TrayCamera(scene)
     before = scene.plotter.camera.position
-    assert camera.follow(True, False)
+    assert camera.look_at_tray(True, False)
     scene.plotter.render()
-    renderer = scene.plotter.renderer
     # Seen from above in rows of three: the first at the upper left.
-    assert scene.gallery.label_at(50, 150, renderer) == 1
-    assert scene.gallery.label_at(250, 50, renderer) == 6
-    assert scene.gallery.label_at(1, 199, renderer) is None
-    scene.gallery.select(6)
-    mesh = scene.gallery._mesh
+    assert scene.layers.tray.pick(50, 150).label == 1
+    assert scene.layers.tray.pick(250, 50).label == 6
+    assert scene.layers.tray.pick(1, 199) is None
+    scene.layers.tray.select(6)
+    mesh = scene.layers.tray._mesh
     brought_out = mesh.cell_data["colour"][mesh.cell_data["label"] == 6]
     assert (brought_out == rgb(LIGHT.points)).all()
     assert not (mesh.cell_data["colour"][mesh.cell_data["label"] == 1] == rgb(LIGHT.points)).all()
-    scene.show_gallery(False)
-    assert scene.gallery.label_at(50, 150, renderer) is None
-    assert not camera.follow(False, False)
+    scene.layers.tray.show(False)
+    assert scene.layers.tray.pick(50, 150) is None
+    assert not camera.look_at_tray(False, False)
     np.testing.assert_allclose(scene.plotter.camera.position, before)
 
 
 def test_a_tray_that_was_turned_is_not_fitted_again(scene):
-    scene.set_gallery(tray_surface(balls(6), aspect=1.5), "mm")
-    scene.show_gallery(True)
+    scene.layers.tray.set(tray_surface(balls(6), aspect=1.5), "mm")
+    scene.layers.tray.show(True)
     camera = TrayCamera(scene)
-    camera.follow(True, False)
+    camera.look_at_tray(True, False)
     assert camera.refit()
     scene.plotter.camera.parallel_scale *= 0.5
     assert not camera.refit()

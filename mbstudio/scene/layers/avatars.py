@@ -1,0 +1,17 @@
+"""All avatars where their grains lie, as one surface."""
+
+from __future__ import annotations
+
+from mbstudio.core.translation import mark
+from mbstudio.scene.layers.surface_layer import OverviewLayer
+
+
+class AllAvatars(OverviewLayer):
+    """All avatars (:func:`~mbstudio.scene.surfaces.avatars_surface`)."""
+
+    title = mark("All avatars")
+    icon = "ph.selection-all"
+    tip = mark("All avatars where their grains lie")
+    colour = "avatar"
+    is_within_scan = True
+    picks_grains = True

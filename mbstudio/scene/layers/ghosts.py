@@ -1,0 +1,28 @@
+"""The two grains between which the live one lies, to be seen through."""
+
+from __future__ import annotations
+
+from mbstudio.core.translation import mark
+from mbstudio.scene.layers.surface_layer import SurfaceLayer
+
+
+class GhostA(SurfaceLayer):
+    """Grain A."""
+
+    title = mark("Ghost of A")
+    icon = "ph.ghost"
+    tip = mark("Grain A, seen through")
+    colour = "grain"
+    starts_opaque = 0.22
+    is_drawn_last = True
+
+
+class GhostB(SurfaceLayer):
+    """Grain B."""
+
+    title = mark("Ghost of B")
+    icon = "ph.ghost"
+    tip = mark("Grain B, seen through")
+    colour = "points"
+    starts_opaque = 0.22
+    is_drawn_last = True
