@@ -139,7 +139,7 @@ def find_grains(project: Project, labels: Path | None, settings: dict[str, Any])
             "The project has no scan to segment: make a project from a scan with 'mbstudio segment'."
         )
     if labels is not None:
-        grains = load_labels(labels, scan)
+        grains = load_labels(labels, scan, splitting=settings.get("splitting"))
         project.change("Load labels", grains=grains, segmentation=None, fits={})
         return grains
     chosen = SegmentationSettings(**settings)

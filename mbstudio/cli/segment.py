@@ -20,7 +20,8 @@ def segment(
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Project file to write.")
     ] = None,
     write_labels: Annotated[
-        Path | None, typer.Option("--write-labels", metavar="FILE", help="Also write the label image (TIFF).")
+        Path | None,
+        typer.Option("--write-labels", metavar="FILE", help="Also write the label image (TIFF, NRRD, MHA)."),
     ] = None,
     labels: inputs.LabelsOption = None,
     splitting: inputs.SplittingOption = None,
@@ -34,8 +35,11 @@ def segment(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio segment``; `HELP` says what it does."""
+    from mbstudio.core.grains.label_writing import write_label_image
     from mbstudio.core.project import Project
 
+    if write_labels is not None:
+        _require_label_output(write_labels, source)
     if output is not None:
         inputs.require_project_output(output)
     if inputs.is_project(source):
@@ -49,7 +53,7 @@ def segment(
     grains = inputs.find_grains(project, labels, inputs.segmentation_options(splitting, smallest, threshold))
     result = describe_grains(grains)
     if write_labels is not None:
-        _write_label_image(write_labels, grains.labels, source)
+        write_label_image(write_labels, grains, project.scan.grid if project.scan is not None else None)
         result["labels"] = str(write_labels)
     if output is not None:
         result["project"] = str(project.save(output))
@@ -75,14 +79,10 @@ def describe_grains(grains: Any) -> dict[str, Any]:
     }
 
 
-def _write_label_image(path: Path, labels: Any, source: Path) -> None:
-    import numpy as np
-    import tifffile
-
-    from mbstudio.core.replacement import replacing
+def _require_label_output(path: Path, source: Path) -> None:
+    """Refuse a label image that would replace the scan, or has an ending of no format, before the work."""
+    from mbstudio.core.grains.label_writing import require_ending
 
     if path.resolve() == source.resolve():
         raise MbstudioError(f"{path} is the scan itself: give the label image another name.")
-    kind = np.uint16 if labels.max() < 2**16 else np.uint32
-    with replacing(path) as temporary:
-        tifffile.imwrite(temporary, labels.astype(kind), compression="zlib", photometric="minisblack")
+    require_ending(path)

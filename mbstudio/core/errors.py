@@ -23,6 +23,10 @@ class ScanError(MbstudioError):
     """A scan that cannot be read or holds no usable voxels."""
 
 
+class ScanWarning(UserWarning):
+    """Something about a scan's file was taken for granted, and the user should know."""
+
+
 class SegmentationError(MbstudioError):
     """A scan in which no grains can be found, or a label image that does not fit it."""
 

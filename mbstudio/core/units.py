@@ -6,6 +6,7 @@ Volumes are indexed ``[z, y, x]``; points are ``(x, y, z)``. The centre of voxel
 
 from __future__ import annotations
 
+import html
 import math
 import re
 from collections.abc import Sequence
@@ -19,13 +20,19 @@ from mbstudio.core.errors import UnitError
 METRES_PER_UNIT = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 _UNIT_ALIASES = {
-    "µm": "um", "μm": "um", "micron": "um", "microns": "um", "micrometer": "um",
-    "micrometre": "um", "micrometers": "um", "micrometres": "um",
+    "µm": "um", "μm": "um", "µ": "um", "μ": "um", "micron": "um", "microns": "um", "micro-m": "um",
+    "mu": "um", "micrometer": "um", "micrometre": "um", "micrometers": "um", "micrometres": "um",
+    "mikrometer": "um", "um": "um", "nm": "nm", "cm": "cm",
     "nanometer": "nm", "nanometre": "nm", "nanometers": "nm", "nanometres": "nm",
     "millimeter": "mm", "millimetre": "mm", "millimeters": "mm", "millimetres": "mm",
     "centimeter": "cm", "centimetre": "cm", "centimeters": "cm", "centimetres": "cm",
     "meter": "m", "metre": "m", "meters": "m", "metres": "m",
 }  # fmt: skip
+
+# Words that stand where a unit should, and name none.
+_NO_LENGTHS = ("", "pixel", "pixels", "px", "voxel", "voxels", "vx", "unit", "units", "none", "null", "???")
+# Texts that were written in one of these and read as Latin-1 ("Âµm", "Î¼m", "æm").
+_CODECS = ("utf-8", "cp437", "mac-roman", "gbk", "shift-jis")
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LENGTHS = re.compile(rf"^\s*(?P<numbers>{_NUMBER}(?:\s*[x×,;\s]\s*{_NUMBER})*)\s*(?P<unit>[^\d\s]*)\s*$")
@@ -39,12 +46,42 @@ def parse_unit(text: str) -> str:
     UnitError
         If the unit is not a known length unit.
     """
-    name = str(text).strip()
+    name = _plain_unit(text)
     name = _UNIT_ALIASES.get(name.lower(), name)
+    if name == "MM":
+        name = "mm"
     if name not in METRES_PER_UNIT:
         known = ", ".join(METRES_PER_UNIT)
         raise UnitError(f"'{text}' is not a length unit that mbstudio knows: use one of {known}.")
     return name
+
+
+def _plain_unit(text: str) -> str:
+    """Return a unit's text without the traces of the file that it was written in.
+
+    Quotes and brackets around it go, escapes (``\\u00B5m``, ``&micro;m``) become characters, and
+    a micro sign that was read in another encoding than it was written in becomes one again.
+    """
+    name = html.unescape(str(text).strip("\x00 \t\r\n"))
+    name = re.sub(r"\\+u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), name)
+    name = re.sub(r"\\+x([0-9a-fA-F]{2})", lambda code: chr(int(code[1], 16)), name)
+    name = name.strip("\"'`()[]<> \t").removesuffix("^1").removesuffix(".")
+    if name.isascii() or name.lower() in _UNIT_ALIASES:
+        return name
+    for western in ("latin-1", "cp1252"):
+        for codec in _CODECS:
+            try:
+                meant = name.encode(western).decode(codec)
+            except UnicodeError:
+                continue
+            if meant.lower() in _UNIT_ALIASES:
+                return meant
+    return name
+
+
+def names_no_length(text: str) -> bool:
+    """Return whether a unit's text says nothing about lengths: empty, or pixels."""
+    return _plain_unit(text).lower() in _NO_LENGTHS
 
 
 def conversion_factor(source: str, target: str) -> float:

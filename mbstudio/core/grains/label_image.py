@@ -4,24 +4,37 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cc3d
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
-from mbstudio.core.errors import GrainWarning, SegmentationError
+from mbstudio.core.errors import GrainWarning, SegmentationError, UnitError
 from mbstudio.core.grains.field_of_view import find_field_of_view
 from mbstudio.core.grains.grain_set import GrainSet
-from mbstudio.core.grains.labelling import build_grain_set, statistics, widened_box
-from mbstudio.core.grains.pieces import label_pieces
-from mbstudio.core.scan.opening import open_scan
+from mbstudio.core.grains.label_numbers import (
+    consecutive,
+    keep_largest_pieces,
+    require_surroundings,
+    whole_numbers,
+)
+from mbstudio.core.grains.label_placement import differs_in_size, lay_on_scan
+from mbstudio.core.grains.labelling import build_grain_set
+from mbstudio.core.grains.segmentation import part_mask
+from mbstudio.core.scan.grid import Grid
+from mbstudio.core.scan.opening import place, read_file
+from mbstudio.core.scan.readers import ReadOptions
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
     from mbstudio.core.grains.field_of_view import FieldOfView
+
+# How readily touching grains are parted to see whether a mask holds such.
+_USUAL_SPLITTING = 0.75
 
 
 def load_labels(
@@ -30,57 +43,82 @@ def load_labels(
     voxel_size: str | float | Sequence[float] | VoxelSize | None = None,
     *,
     unit: str | None = None,
+    splitting: float | None = None,
 ) -> GrainSet:
     """Take over a label image made elsewhere.
 
     Parameters
     ----------
     source : str, Path or array, shape (Z, Y, X)
-        Whole numbers, 0 outside all grains; any file that `open_scan` reads.
+        Whole numbers, 0 (or NaN) outside all grains; any file that `open_scan` reads.
     scan : Scan, optional
-        The scan that the labels belong to: it must have their shape, and gives voxel size,
-        origin and field of view.
+        The scan that the labels belong to: it gives voxel size, origin and field of view. Labels
+        whose file says that they lie turned, flipped or on a part of the scan are brought onto it.
     voxel_size : str, float, sequence of float or VoxelSize, optional
         Needed without `scan`, unless the file says it.
+    splitting : float, optional
+        How readily touching grains of a mask (an image of one number) are parted, 0 to 1, as in
+        `SegmentationSettings`; without it they stay together.
 
     Returns
     -------
     GrainSet
         Labels renumbered 1..N in the order of the original numbers. An image of two values
-        holds no single grains but a mask: its 26-connected pieces become the grains. Where
-        one number names several pieces, the largest is kept and the rest dropped, with a
-        `GrainWarning`.
+        holds no single grains but a mask: its 26-connected pieces become the grains, with a
+        `GrainWarning` if some of these seem to be grains that touch. Where one number names
+        several pieces, the largest is kept and the rest dropped, with a `GrainWarning`.
 
     Raises
     ------
     SegmentationError
-        If the image holds no whole numbers, negative ones, no grain, or does not fit the scan.
+        If the image holds no whole numbers, negative ones, no grain, classes of material instead
+        of grains, or does not fit the scan.
     UnitError
         If the voxel size is not known.
     """
-    image, size, origin, name = _read_image(source, scan, voxel_size, unit)
-    labels = _whole_numbers(image, name)
-    if scan is not None and labels.shape != scan.shape:
-        raise SegmentationError(
-            f"{name} has shape {labels.shape}, but the scan has {scan.shape} (z, y, x): "
-            "labels must cover the same voxels."
-        )
+    image = _read_image(source, scan, voxel_size, unit)
+    name = image.name
+    labels = whole_numbers(image.stored, name)
+    if image.white_is_zero:
+        labels = _black_is_zero(labels, name)
+    size, origin = image.size, image.origin
     if scan is not None:
+        if size is not None and differs_in_size(size, scan.voxel_size):
+            _warn(
+                f"{name} says that its voxels are {size}, the scan's are {scan.voxel_size}: the scan's "
+                "are taken."
+            )
+        labels, notes = lay_on_scan(labels, image.grid, scan, name)
+        for note in notes:
+            _warn(f"{name} {note}")
         size, origin = scan.voxel_size, scan.origin
+    elif image.grid is not None:
+        labels = image.grid.as_read(labels)
     assert size is not None
-    values = np.unique(labels)
-    values = values[values > 0]
-    if not len(values):
-        raise SegmentationError(
-            f"{name} contains no grain: every voxel is 0. Check that the right file was exported."
-        )
-    numbered = np.searchsorted(values, labels).astype(np.int32) + 1
-    numbered[labels == 0] = 0
-    if len(values) == 1:
-        numbered = cc3d.connected_components(numbered, connectivity=26, out_dtype=np.uint32).astype(np.int32)
-    _keep_largest_pieces(numbered, name)
+    numbered, count = consecutive(labels, name)
+    require_surroundings(numbered, name)
+    if count == 1:
+        numbered = _grains_of_mask(numbered > 0, size, splitting, name)
+    else:
+        keep_largest_pieces(numbered, count, name)
     view: FieldOfView | None = find_field_of_view(scan.load()) if scan is not None else None
-    return build_grain_set(numbered, size, origin, view.rim if view is not None else None)
+    return build_grain_set(numbered, size, origin, view.rim_cutting(numbered) if view is not None else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _LabelImage:
+    """A label image as its file stores it, and what that says about the voxels."""
+
+    stored: np.ndarray
+    size: VoxelSize | None
+    origin: tuple[float, float, float]
+    grid: Grid | None
+    name: str
+    white_is_zero: bool = False
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, GrainWarning, stacklevel=3)
 
 
 def _read_image(
@@ -88,57 +126,70 @@ def _read_image(
     scan: Scan | None,
     voxel_size: str | float | Sequence[float] | VoxelSize | None,
     unit: str | None,
-) -> tuple[np.ndarray, VoxelSize | None, tuple[float, float, float], str]:
-    """Return the image, its voxel size and origin, and what to call it in messages."""
-    if voxel_size is None and scan is not None:
-        voxel_size = scan.voxel_size
-    if isinstance(source, str | Path):
-        opened = open_scan(source, voxel_size, unit=unit)
-        return np.asarray(opened.voxels), opened.voxel_size, opened.origin, str(source)
-    if voxel_size is None:
+) -> _LabelImage:
+    """Return the image, in the order in which it is stored; its size may be unknown if there is a scan."""
+    nowhere = (0.0, 0.0, 0.0)
+    if not isinstance(source, str | Path):
+        if voxel_size is None and scan is None:
+            raise SegmentationError(
+                "The labels have no voxel size: give scan or voxel_size, for example '14 um'."
+            )
+        size = VoxelSize.parse(voxel_size, unit) if voxel_size is not None else None
+        return _LabelImage(np.asarray(source), size, nowhere, None, "The label image")
+    path = Path(source)
+    reading = read_file(path, ReadOptions(numbers=True))
+    for note in reading.notes:
+        _warn(f"{path} {note}")
+    stated: VoxelSize | None
+    try:
+        stated, origin, notes = place(reading, voxel_size, unit, path)
+    except UnitError:
+        if scan is None:
+            raise
+        stated, origin, notes = None, nowhere, ()
+    if scan is None:
+        for note in notes:
+            _warn(f"{path} {note}")
+    voxels = np.asarray(reading.voxels)
+    stored = reading.grid.as_stored(voxels) if reading.grid is not None else voxels
+    return _LabelImage(stored, stated, origin, reading.grid, str(source), reading.white_is_zero)
+
+
+def _black_is_zero(labels: Int[np.ndarray, "Z Y X"], name: str) -> Int[np.ndarray, "Z Y X"]:
+    """Return the numbers of an image that shows 0 as white: as they are, or turned round.
+
+    Some programs leave the numbers as they are and only note how to show them, others turn them.
+    What is 0 outside all grains tells which; a mask is taken as it is shown, white grains on black.
+    """
+    kind = labels.dtype
+    other = np.asarray(np.iinfo(kind).max - labels) if kind.kind == "u" else ~labels
+    values = np.unique(labels)
+    if len(values) == 2 and values[0] == 0:
+        return (labels == 0).astype(np.uint8)
+    as_it_is, turned = bool((labels == 0).any()), bool((other == 0).any())
+    if as_it_is and turned:
         raise SegmentationError(
-            "The labels have no voxel size: give scan or voxel_size, for example '14 um'."
+            f"{name} shows 0 as white and holds both 0 and {np.iinfo(kind).max}, so that it cannot be "
+            "told which "
+            "of them is outside all grains: in ImageJ, use Edit > Invert or Image > Lookup Tables > "
+            "Grays and save it."
         )
-    return np.asarray(source), VoxelSize.parse(voxel_size, unit), (0.0, 0.0, 0.0), "The label image"
+    return np.asarray(other if turned else labels)
 
 
-def _whole_numbers(image: np.ndarray, name: str) -> Int[np.ndarray, "Z Y X"]:
-    """Return the image as whole numbers."""
-    if image.ndim != 3 or 0 in image.shape:
-        raise SegmentationError(
-            f"{name} has shape {image.shape}: labels need three axes (z, y, x), none empty."
+def _grains_of_mask(
+    mask: Bool[np.ndarray, "Z Y X"], size: VoxelSize, splitting: float | None, name: str
+) -> Int[np.ndarray, "Z Y X"]:
+    """Return the grains of a mask: its pieces, or its parts where splitting is asked for."""
+    if splitting is not None:
+        return part_mask(mask, size, splitting)
+    pieces, count = cc3d.connected_components(mask, connectivity=26, return_N=True, out_dtype=np.uint32)
+    parted = int(part_mask(mask, size, _USUAL_SPLITTING).max(initial=0))
+    if parted > count:
+        found = "one piece that hangs together" if count == 1 else f"{count:,} pieces that hang together"
+        _warn(
+            f"{name} holds one number only, so it is a mask: it was taken for the grains of its {found}, but "
+            f"some seem to touch. To part them, into about {parted:,}, state how readily: "
+            f"splitting={_USUAL_SPLITTING}, or --splitting {_USUAL_SPLITTING}."
         )
-    if image.dtype.kind == "f":
-        if not np.isfinite(image).all() or not (image == np.rint(image)).all():
-            raise SegmentationError(f"{name} holds values that are not whole numbers: give a label image.")
-        image = image.astype(np.int64)
-    elif image.dtype.kind == "b":
-        image = image.astype(np.uint8)
-    elif image.dtype.kind not in "ui":
-        raise SegmentationError(f"{name} holds {image.dtype}: labels are whole numbers.")
-    if image.dtype.kind == "i" and image.min() < 0:
-        raise SegmentationError(
-            f"{name} holds negative numbers: labels start at 1, with 0 outside all grains."
-        )
-    return image
-
-
-def _keep_largest_pieces(labels: Int[np.ndarray, "Z Y X"], name: str) -> None:
-    """Keep the largest 26-connected piece of each label, in place; warn of what is dropped."""
-    _, boxes, _, _ = statistics(labels)
-    broken, dropped = 0, 0
-    for label, row in enumerate(boxes, start=1):
-        part = labels[widened_box(row)]
-        inside = part == label
-        pieces, sizes = label_pieces(inside)
-        if len(sizes) > 1:
-            part[inside & (pieces != 1 + int(sizes.argmax()))] = 0
-            broken += 1
-            dropped += int(sizes.sum() - sizes.max())
-    if broken:
-        warnings.warn(
-            f"{name}: {broken} labels were in several pieces; the largest of each was kept and "
-            f"{dropped:,} voxels dropped.",
-            GrainWarning,
-            stacklevel=3,
-        )
+    return np.asarray(pieces, dtype=np.int32)

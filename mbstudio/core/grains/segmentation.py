@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import ScanError, SegmentationError
-from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
+from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
 from mbstudio.core.grains.flooding import split_by_necks
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.labelling import (
@@ -113,7 +113,7 @@ def segment(
     Raises
     ------
     ScanError
-        If voxels are not numbers, or all alike.
+        If voxels inside the field of view are not numbers, or all are alike.
     SegmentationError
         If a setting is unknown or impossible, or no grains are found.
     """
@@ -121,9 +121,10 @@ def segment(
     tell = progress or (lambda fraction, message: None)
     tell(0.0, "Reading the voxels")
     voxels = scan.load()
-    _require_contrast(voxels, scan)
     tell(0.08, "Finding the field of view")
     view = find_field_of_view(voxels)
+    voxels = with_numbers_only(voxels, view, scan.path or "The scan")
+    _require_contrast(voxels, scan)
     tell(0.14, "Denoising")
     mask, threshold = _threshold(voxels, view, scan.voxel_size, settings)
     del voxels
@@ -140,7 +141,7 @@ def segment(
     tell(0.92, "Filling cavities")
     fill_label_cavities(labels)
     if settings.drop_border:
-        _, _, _, cut = statistics(labels, view.rim)
+        _, _, _, cut = statistics(labels, view.rim_cutting(labels))
         count = renumber_kept(labels, ~cut)
     if not count:
         raise SegmentationError(
@@ -148,7 +149,7 @@ def segment(
             "check the threshold, the smallest grain, and whether grains at the border are dropped."
         )
     tell(0.97, "Making the table")
-    grains = build_grain_set(labels, scan.voxel_size, scan.origin, view.rim)
+    grains = build_grain_set(labels, scan.voxel_size, scan.origin, view.rim_cutting(labels))
     tell(1.0, f"{len(grains):,} grains")
     return grains
 
@@ -164,16 +165,10 @@ def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -
 
 
 def _require_contrast(voxels: Shaped[np.ndarray, "Z Y X"], scan: Scan) -> None:
-    """Raise ScanError if there are voxels that are no numbers, or all are alike."""
+    """Raise ScanError if all voxels are alike."""
     name = scan.path or "The scan"
     low, high = math.inf, -math.inf
     for part in voxels:
-        if part.dtype.kind == "f" and not np.isfinite(part).all():
-            count = int(np.count_nonzero(~np.isfinite(part)))
-            raise ScanError(
-                f"{name} holds voxels that are not finite numbers ({count} in one slice alone): "
-                "replace them, for example by the grey value of the void, and open the scan again."
-            )
         low, high = min(low, float(part.min())), max(high, float(part.max()))
     if low == high:
         raise ScanError(
@@ -241,6 +236,26 @@ def _otsu(grey: Float[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> 
     for part, part_seen in zip(grey, seen, strict=True):
         counts += np.histogram(part[part_seen], bins=edges)[0]
     return float(threshold_otsu(hist=(counts, (edges[:-1] + edges[1:]) / 2)))
+
+
+def part_mask(
+    mask: Bool[np.ndarray, "Z Y X"], voxel_size: VoxelSize, splitting: float, smallest_voxels: int = 1
+) -> Int[np.ndarray, "Z Y X"]:
+    """Return the grains of a mask made elsewhere as labels 1..N, touching ones parted at their necks.
+
+    Parameters
+    ----------
+    mask : bool array, shape (Z, Y, X)
+    voxel_size : VoxelSize
+    splitting, smallest_voxels
+        As in `SegmentationSettings`.
+    """
+    nz, ny, nx = mask.shape
+    whole = FieldOfView(0, np.ones((ny, nx), dtype=bool), (nz, ny, nx))
+    landscape = _distance_map(mask, whole, voxel_size)
+    labels, _ = split_by_necks(landscape, splitting, _LEAST_DEPTH)
+    _settle_fragments(labels, smallest_voxels)
+    return labels
 
 
 def _fill_pinholes(mask: Bool[np.ndarray, "Z Y X"], view: FieldOfView) -> None:

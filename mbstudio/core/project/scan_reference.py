@@ -10,6 +10,7 @@ import numpy as np
 from mbstudio.core.errors import MbstudioError, ScanError
 from mbstudio.core.project.state import ScanReference
 from mbstudio.core.scan import Scan, open_scan, voxel_digest
+from mbstudio.core.scan.opening import source_exists
 
 HOW_TO_RELOCATE = "give its new place: project.relocate_scan(path), or --scan on the command line"
 
@@ -44,7 +45,7 @@ def reopen(reference: ScanReference, path: Path | None = None) -> Scan:
     path = path or reference.path
     if path is None:
         raise ScanError("The project's scan lies in no file of its own: open the project file that holds it.")
-    if not path.exists():
+    if not source_exists(path):
         raise ScanError(f"The project's scan {path} is not there. If it was moved, {HOW_TO_RELOCATE}.")
     try:
         scan = open_scan(

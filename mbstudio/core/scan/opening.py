@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers import Reading, ReadOptions, family_of
+from mbstudio.core.errors import MbstudioError, ScanError, ScanWarning, UnitError
+from mbstudio.core.scan.readers import Reading, ReadOptions, family_of, split_dataset
 from mbstudio.core.scan.scan import Scan
-from mbstudio.core.units import VoxelSize, conversion_factor
+from mbstudio.core.units import METRES_PER_UNIT, VoxelSize, conversion_factor
+
+# Lengths of a voxel's edge in metres that a scan may have without being asked about.
+_SMALLEST_VOXEL, _LARGEST_VOXEL = 1e-8, 1e-2
+_STATE_IT = "state what is right, voxel_size or --voxel-size, for example '14 um'."
 
 
 def open_scan(
@@ -31,8 +37,9 @@ def open_scan(
     Parameters
     ----------
     path : str or Path
-        A multi-page TIFF, a folder of slices (TIFF or PNG, natural order), RAW, NPY, NRRD or
-        MetaImage (MHD, MHA) file.
+        A multi-page TIFF, a folder of slices (TIFF, PNG, BMP or JPEG, in the order of their
+        numbers), RAW, NPY, NRRD, MetaImage (MHD, MHA) or HDF5 file. One of several arrays in an
+        HDF5 file is named behind a colon: ``scan.h5:/entry/data``.
     voxel_size : str, float, sequence of float or VoxelSize, optional
         ``"14 um"``, ``"20 x 14 x 14 um"`` (z, y, x) or numbers with `unit`. It overrides what
         the file says; it must be given where the file says nothing. The origin is then zero.
@@ -52,18 +59,56 @@ def open_scan(
     ScanError
         If the file is missing, damaged, cut off, or no grey volume.
     UnitError
-        If neither the file nor the caller gives the voxel size and its unit.
+        If neither the file nor the caller gives the voxel size and its unit, or the file's
+        cannot be meant.
+
+    Warns
+    -----
+    ScanWarning
+        If something about the file was taken for granted, or images in a folder were left out.
     """
     path = Path(path)
-    if not path.exists():
-        raise ScanError(f"{path} does not exist: check the name and the folder.")
     options = ReadOptions(shape, _dtype(dtype), header_bytes, big_endian)
+    reading = read_file(path, options)
+    size, origin, notes = place(reading, voxel_size, unit, path)
+    notes = tuple(f"{path} {note}" for note in (*reading.notes, *notes))
+    for note in notes:
+        warnings.warn(note, ScanWarning, stacklevel=2)
+    metadata = MappingProxyType(dict(reading.metadata))
+    return Scan(reading.voxels, size, origin, path, metadata, reading.grid, notes)
+
+
+def source_exists(path: str | Path) -> bool:
+    """Return whether there is a file or folder that `open_scan` could open under this name."""
+    file, _ = split_dataset(Path(path))
+    return file.exists()
+
+
+def read_file(path: Path, options: ReadOptions) -> Reading:
+    """Read what a file or folder holds, whatever it says about the size of its voxels.
+
+    Raises
+    ------
+    ScanError
+        If it is missing, damaged, cut off, or no volume.
+    """
+    file, dataset = split_dataset(path)
+    if not file.exists():
+        raise ScanError(f"{file} does not exist: check the name and the folder.")
+    if dataset is not None:
+        options = replace(options, dataset=dataset)
+    family = family_of(file, options)
     try:
-        reading = family_of(path, options).read(path, options)
+        return family.read(file, options)
+    except (MbstudioError, MemoryError):
+        raise
     except OSError as error:
-        raise ScanError(f"{path} cannot be read ({error}): check that you may read it.") from error
-    size, origin = _place(reading, voxel_size, unit, path)
-    return Scan(reading.voxels, size, origin, path, MappingProxyType(dict(reading.metadata)))
+        raise ScanError(f"{file} cannot be read ({error}): check that you may read it.") from error
+    except Exception as error:  # a file may be wrong in ways that its reader has not thought of
+        raise ScanError(
+            f"{file} cannot be read as {family.name} ({type(error).__name__}: {error}): "
+            "export it again, or in another format."
+        ) from error
 
 
 def _dtype(name: str | np.dtype[Any] | type | None) -> np.dtype[Any] | None:
@@ -77,29 +122,67 @@ def _dtype(name: str | np.dtype[Any] | type | None) -> np.dtype[Any] | None:
         ) from error
 
 
-def _place(
+def place(
     reading: Reading,
     voxel_size: str | float | Sequence[float] | VoxelSize | None,
     unit: str | None,
     path: Path,
-) -> tuple[VoxelSize, tuple[float, float, float]]:
-    """Return voxel size and origin, the caller's word before the file's."""
+) -> tuple[VoxelSize, tuple[float, float, float], tuple[str, ...]]:
+    """Return voxel size, origin and notes, the caller's word before the file's.
+
+    Raises
+    ------
+    UnitError
+        If neither says the voxel size, or what the file says cannot be meant.
+    """
     if voxel_size is not None:
-        return VoxelSize.parse(voxel_size, unit), (0.0, 0.0, 0.0)
+        size = VoxelSize.parse(voxel_size, unit)
+        return size, (0.0, 0.0, 0.0), _unusual(size)
     if reading.spacing is None:
+        if reading.unit_word is not None:
+            raise UnitError(
+                f"{path} gives the size of its voxels in '{reading.unit_word}', which is not a length unit "
+                f"that mbstudio knows: {_STATE_IT}"
+            )
         raise UnitError(f"{path} does not contain the voxel size: give voxel_size, for example '14 um'.")
     file_unit = unit or reading.unit
+    edges = " x ".join(f"{edge:g}" for edge in reading.spacing)
     if file_unit is None:
-        edges = " x ".join(f"{edge:g}" for edge in reading.spacing)
+        said = (
+            f"in '{reading.unit_word}', which is not a length unit that mbstudio knows"
+            if reading.unit_word is not None
+            else "without a unit"
+        )
         raise UnitError(
-            f"{path} gives a voxel size of {edges} (z, y, x) without a unit: "
+            f"{path} gives a voxel size of {edges} (z, y, x) {said}: "
             "give unit, for example 'um', or voxel_size."
         )
+    if reading.doubt is not None and unit is None:
+        raise UnitError(f"{path} {reading.doubt}: {_STATE_IT}")
     try:
         size = VoxelSize(*reading.spacing, unit=file_unit)
     except UnitError as error:
         raise UnitError(f"{path}: {error}") from error
-    return _readable(size, reading.origin)
+    if unit is not None:
+        return *_readable(size, reading.origin), (*reading.size_notes, *_unusual(size))
+    if _is_unusual(size):
+        raise UnitError(
+            f"{path} gives a voxel size of {size}, outside what scans have (10 nm to 10 mm): {_STATE_IT}"
+        )
+    return *_readable(size, reading.origin), reading.size_notes
+
+
+def _is_unusual(size: VoxelSize) -> bool:
+    """Whether voxels are smaller or larger than those of any scan of grains."""
+    metres = [edge * METRES_PER_UNIT[size.unit] for edge in size.zyx]
+    return min(metres) < 0.999 * _SMALLEST_VOXEL or max(metres) > 1.001 * _LARGEST_VOXEL
+
+
+def _unusual(size: VoxelSize) -> tuple[str, ...]:
+    """Return the note on a stated voxel size that no scan has."""
+    if not _is_unusual(size):
+        return ()
+    return (f"is opened with voxels of {size}, outside what scans have (10 nm to 10 mm): is the unit right?",)
 
 
 def _readable(

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from mbstudio.core.errors import ScanError
+from mbstudio.core.scan.grid import Grid
 from mbstudio.core.units import VoxelSize
 
 
@@ -44,6 +45,10 @@ class Scan:
         The file or folder that it was read from.
     metadata : mapping
         What else the file said, by the file's own names.
+    grid : Grid or None
+        How the file places its stored voxels in space, if it does.
+    notes : tuple of str
+        What was taken for granted about the file when it was opened.
     """
 
     voxels: VoxelArray
@@ -51,6 +56,8 @@ class Scan:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     path: Path | None = None
     metadata: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    grid: Grid | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.voxels.ndim != 3 or 0 in self.voxels.shape:

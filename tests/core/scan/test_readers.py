@@ -11,7 +11,7 @@ import pytest
 import SimpleITK as sitk
 import tifffile
 
-from mbstudio.core.errors import ScanError, UnitError
+from mbstudio.core.errors import ScanError, ScanWarning, UnitError
 from mbstudio.core.scan import Scan, open_scan, voxel_digest
 
 
@@ -114,7 +114,8 @@ def test_resolution_tags_in_centimetres(tmp_path: Path, volume: np.ndarray) -> N
     tifffile.imwrite(
         path, volume, resolution=(10_000 / 14, 10_000 / 14), resolutionunit="CENTIMETER", metadata=None
     )
-    scan = open_scan(path)
+    with pytest.warns(ScanWarning, match="how far its slices are apart"):
+        scan = open_scan(path)
     assert scan.voxel_size.zyx == pytest.approx((14, 14, 14), rel=1e-6)
     assert scan.unit == "um"
 
@@ -137,12 +138,14 @@ def test_the_callers_voxel_size_overrides_the_file(tmp_path: Path, volume: np.nd
         path, volume, imagej=True, resolution=(1 / 14, 1 / 14), metadata={"spacing": 14.0, "unit": "um"}
     )
     assert open_scan(path, "3 x 2 x 1 mm").voxel_size.zyx == (3, 2, 1)
-    assert open_scan(path, 5, unit="nm").unit == "nm"
+    assert open_scan(path, 50, unit="nm").unit == "nm"
+    with pytest.warns(ScanWarning, match="5 nm.*is the unit right"):
+        assert open_scan(path, 5, unit="nm").unit == "nm"
 
 
 def test_colour_and_time_series_are_refused(tmp_path: Path, volume: np.ndarray) -> None:
     colour, series = tmp_path / "colour.tif", tmp_path / "series.tif"
-    tifffile.imwrite(colour, np.zeros((4, 6, 6, 3), np.uint8), photometric="rgb")
+    tifffile.imwrite(colour, np.arange(4 * 6 * 6 * 3).astype(np.uint8).reshape(4, 6, 6, 3), photometric="rgb")
     tifffile.imwrite(series, np.zeros((2, 4, 6, 6), np.uint16), imagej=True, metadata={"axes": "TZYX"})
     with pytest.raises(ScanError, match=r"colour\.tif.*colour"):
         open_scan(colour, "14 um")
@@ -220,7 +223,7 @@ def test_slices_of_different_sizes(tmp_path: Path) -> None:
 def test_folders_that_are_no_stack(tmp_path: Path) -> None:
     with pytest.raises(ScanError, match="no slices"):
         open_scan(tmp_path, "14 um")
-    iio.imwrite(tmp_path / "a.png", np.zeros((6, 6, 3), np.uint8))
+    iio.imwrite(tmp_path / "a.png", np.arange(108).astype(np.uint8).reshape(6, 6, 3))
     with pytest.raises(ScanError, match=r"a\.png.*colour"):
         open_scan(tmp_path, "14 um")
     iio.imwrite(tmp_path / "b.tif", np.zeros((6, 6), np.uint8))

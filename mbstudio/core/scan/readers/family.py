@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +13,16 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError
+from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.scan import VoxelArray
+
+# Deflate packs at most 1032 bytes into one; what claims more is no volume of that size.
+_MOST_COMPRESSION = 1100
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What the caller states about a file that cannot say it itself (RAW).
+    """What the caller states about a file, and what is wanted of it.
 
     Attributes
     ----------
@@ -26,12 +32,19 @@ class ReadOptions:
     header_bytes : int
         Bytes to skip before the first voxel.
     big_endian : bool
+    numbers : bool
+        Whether the voxels are numbers of grains rather than grey values: a palette's colours then
+        mean nothing, and black and white are not exchanged.
+    dataset : str or None
+        Which of the arrays in a container (HDF5) is meant.
     """
 
     shape: tuple[int, int, int] | None = None
     dtype: np.dtype[Any] | None = None
     header_bytes: int = 0
     big_endian: bool = False
+    numbers: bool = False
+    dataset: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,17 +58,35 @@ class Reading:
         Edge lengths z, y, x of a voxel as the file gives them; None where it says nothing.
     unit : str or None
         Unit of `spacing` and `origin`; None where the file does not say.
+    unit_word : str or None
+        What the file says where its unit should be, if that is no length unit.
     origin : tuple of float
         Position (x, y, z) of voxel [0, 0, 0] in the file's unit.
     metadata : mapping
         What else the file said.
+    grid : Grid or None
+        How the file places its stored voxels in space, if it does.
+    notes : tuple of str
+        What was taken for granted, for the user to know; whole sentences without the file's name.
+    size_notes : tuple of str
+        The same about the spacing, of no interest where the caller states it.
+    doubt : str or None
+        Why the spacing is not believed unless the caller states it; a sentence's end.
+    white_is_zero : bool
+        Whether `numbers` were asked for and the file shows 0 as white.
     """
 
     voxels: VoxelArray
     spacing: tuple[float, float, float] | None = None
     unit: str | None = None
+    unit_word: str | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     metadata: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    grid: Grid | None = None
+    notes: tuple[str, ...] = ()
+    size_notes: tuple[str, ...] = ()
+    doubt: str | None = None
+    white_is_zero: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,19 +112,56 @@ class Family:
 
 def require_grey_volume(shape: tuple[int, ...], dtype: np.dtype[Any], path: Path) -> None:
     """Raise ScanError unless the voxels are three-dimensional real numbers."""
-    if len(shape) == 4 and shape[-1] in (3, 4):
-        raise ScanError(
-            f"{path} holds colour images (shape {shape}): convert it to grey values first, "
-            "for example in ImageJ with Image > Type > 16-bit."
-        )
     if len(shape) != 3:
         raise ScanError(
             f"{path} has {len(shape)} axes (shape {shape}), but a scan has three (z, y, x): "
             "save one channel and one time step as its own file."
         )
-    if 0 in shape:
+    if min(shape) < 1:
         raise ScanError(f"{path} contains no voxels (shape {shape}): export the scan again.")
     if dtype.kind not in "buif":
         raise ScanError(
             f"{path} holds values of type {dtype}: export grey values as integers or real numbers."
         )
+
+
+def require_memory(shape: tuple[int, ...], itemsize: int, path: Path, stored: int | None = None) -> None:
+    """Raise ScanError, before memory is taken, if a volume cannot be in a file or in this machine.
+
+    Parameters
+    ----------
+    stored : int, optional
+        Bytes of the compressed file that the volume is to be unpacked from.
+    """
+    needed = math.prod(shape) * itemsize
+    if stored is not None and needed > _MOST_COMPRESSION * max(stored, 1) + 2**20:
+        raise ScanError(
+            f"{path} states {' x '.join(map(str, shape))} voxels, {needed:,} bytes, but holds {stored:,}: "
+            "its header is wrong or its data is cut off; copy or export it again."
+        )
+    there = physical_memory()
+    if there is not None and needed > 0.9 * there:
+        raise ScanError(
+            f"{path} needs {needed / 2**30:.1f} GiB of memory, and this machine has {there / 2**30:.1f}: "
+            "save it uncompressed, so that it need not be unpacked, or cut it smaller."
+        )
+
+
+def physical_memory() -> int | None:
+    """Return the bytes of memory of this machine, None where it does not say."""
+    try:
+        return int(os.sysconf("SC_PAGE_SIZE")) * int(os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def side_car(path: Path, name: str) -> Path:
+    """Return the file beside `path` that it names; ScanError if that lies in another folder."""
+    name = name.strip().strip('"').strip()
+    plain = name.removeprefix("./").removeprefix(".\\")
+    if not plain or "/" in plain or "\\" in plain or ":" in plain or plain in (".", ".."):
+        raise ScanError(
+            f"{path} names its data file '{name}', outside its own folder: "
+            "put both into one folder and name the data file there without a folder."
+        )
+    return path.parent / plain

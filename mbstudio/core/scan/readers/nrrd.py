@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.scan.grid import Grid
+from mbstudio.core.scan.readers.family import (
+    Family,
+    Reading,
+    ReadOptions,
+    require_grey_volume,
+    require_memory,
+    side_car,
+)
 from mbstudio.core.scan.readers.orientation import along_axes
+from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
+from mbstudio.core.scan.readers.text import plain_text
+from mbstudio.core.scan.readers.tiff_lengths import length_unit
 from mbstudio.core.scan.scan import VoxelArray
-from mbstudio.core.units import parse_unit
+from mbstudio.core.units import METRES_PER_UNIT, names_no_length
+
+_LARGEST_HEADER = 2**20
+# Kinds of axes that run through space; of any other kind there may be only one sample.
+_COLOURS = ("rgb-color", "rgba-color", "hsv-color", "xyz-color")
 
 
 def read(path: Path, options: ReadOptions) -> Reading:
@@ -25,78 +42,207 @@ def read(path: Path, options: ReadOptions) -> Reading:
     ScanError
         If the file is damaged, cut off, or no grey volume.
     """
-    import nrrd
-
+    header, data_start = _header(path)
     try:
-        with path.open("rb") as stream:
-            header: dict[str, Any] = dict(nrrd.read_header(stream))
-            data_start = stream.tell()
         sizes = tuple(int(count) for count in header["sizes"])
-        voxels: VoxelArray | None = _mapped(path, header, sizes, data_start)
-        if voxels is None:
-            voxels, _ = nrrd.read(str(path), index_order="C")
+        raw = _mapped(path, header, sizes, data_start)
+        if raw is None:
+            raw = _unpacked(path, header, sizes, data_start)
+    except (ScanError, MemoryError):
+        raise
     except Exception as error:  # pynrrd raises errors of many unrelated types
+        reason = f"its {error} is missing" if isinstance(error, KeyError) else str(error)
         raise ScanError(
-            f"{path} cannot be read as NRRD ({error}): it is damaged or cut off; copy or export it again."
+            f"{path} cannot be read as NRRD ({reason}): it is damaged or cut off; copy or export it again."
         ) from error
-    require_grey_volume(voxels.shape, voxels.dtype, path)
-    steps, origin = _steps(header)
     metadata = {key: str(value) for key, value in header.items()}
+    voxels, axes = _three_axes(raw, header, path, options.numbers)
+    require_grey_volume(voxels.shape, voxels.dtype, path)
+    steps, origin, unit, unit_word = _steps(header, axes)
     if steps is None:
         return Reading(voxels, metadata=metadata)
-    voxels, spacing, corner = along_axes(voxels, steps, origin, path)
-    return Reading(voxels, spacing, _unit(header, path), corner, metadata)
+    # Bare spacings say nothing of where the axes run.
+    grid = Grid(steps, origin, unit) if "space directions" in header else None
+    if grid is not None and str(header.get("space", "")).lower() in ("right-anterior-superior", "ras"):
+        grid = grid.turned_half_about_z()
+    voxels, spacing, corner, flipped = along_axes(voxels, steps, origin, path)
+    if grid is not None:
+        grid = replace(grid, flipped=flipped)
+    return Reading(voxels, spacing, unit, unit_word, corner, metadata, grid=grid)
+
+
+def _header(path: Path) -> tuple[dict[str, Any], int]:
+    """Return the fields of the header, whatever its encoding, and the byte behind it."""
+    import nrrd
+
+    with path.open("rb") as stream:
+        if stream.read(4) != b"NRRD":
+            raise ScanError(f"{path} is not an NRRD file, although its name ends so: export the scan again.")
+        stream.seek(0)
+        lines: list[bytes] = []
+        while stream.tell() < _LARGEST_HEADER:
+            line = stream.readline(_LARGEST_HEADER)
+            if not line or not line.strip():
+                break
+            lines.append(line)
+        start = stream.tell()
+    # pynrrd drops what is not ASCII, and of "µm" that leaves metres: it is given text.
+    text = plain_text(b"".join(lines)).splitlines()
+    try:
+        return dict(nrrd.read_header([*text, ""])), start
+    except Exception as error:  # as in read
+        raise ScanError(f"The header of {path} cannot be read as NRRD ({error}): export it again.") from error
 
 
 def _mapped(path: Path, header: dict[str, Any], sizes: tuple[int, ...], data_start: int) -> np.ndarray | None:
     """Map uncompressed voxels, None where the data must be decoded."""
     import nrrd
 
-    skips = int(header.get("line skip", header.get("lineskip", 0))) or int(
-        header.get("byte skip", header.get("byteskip", 0))
-    )
+    skips = int(header.get("line skip", header.get("lineskip", 0)))
+    byte_skip = int(header.get("byte skip", header.get("byteskip", 0)))
+    detached = _detached(header)
+    if isinstance(detached, str) and (detached.upper().startswith("LIST") or "%" in detached):
+        raise ScanError(f"{path} spreads its data over several files ({detached}): save it as one file.")
     if header["encoding"] != "raw" or skips:
         return None
-    file, start = path, data_start
-    detached = header.get("data file", header.get("datafile"))
-    if detached is not None:
-        if not isinstance(detached, str) or detached.startswith("LIST") or "%" in detached:
-            return None
-        file, start = path.parent / detached, 0
+    file, start = (path, data_start) if detached is None else (side_car(path, detached), 0)
+    if not file.is_file():
+        raise ScanError(f"{path} names the data file {file.name}, which is not there: put it beside.")
     dtype = nrrd.reader._determine_datatype(header)
+    needed = math.prod(sizes) * dtype.itemsize
+    start = file.stat().st_size - needed if byte_skip == -1 else start + byte_skip
+    if min(sizes) < 1 or start < 0 or start + needed > file.stat().st_size:
+        raise ScanError(
+            f"{path} states {' x '.join(map(str, sizes))} voxels, {needed:,} bytes, but {file.name} holds "
+            f"{max(file.stat().st_size - max(start, 0), 0):,}: it is cut off; copy or export it again."
+        )
     return np.memmap(file, dtype, "r", start, sizes[::-1])
 
 
-def _steps(header: dict[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:
-    """Return the steps along x, y, z and the position of the first voxel."""
+def _detached(header: dict[str, Any]) -> str | None:
+    name = header.get("data file", header.get("datafile"))
+    return None if name is None else str(name)
+
+
+def _unpacked(path: Path, header: dict[str, Any], sizes: tuple[int, ...], data_start: int) -> np.ndarray:
+    """Read compressed or written-out voxels."""
+    import nrrd
+
+    detached = _detached(header)
+    file = path if detached is None else side_car(path, detached)
+    if not file.is_file():
+        raise ScanError(f"{path} names the data file {file.name}, which is not there: put it beside.")
+    dtype = nrrd.reader._determine_datatype(header)
+    packed = header["encoding"] in ("gzip", "gz", "bzip2", "bz2")
+    require_memory(sizes, dtype.itemsize, path, file.stat().st_size if packed else None)
+    with file.open("rb") as stream:
+        stream.seek(data_start if detached is None else 0)
+        inside = {key: value for key, value in header.items() if key not in ("data file", "datafile")}
+        voxels: np.ndarray = nrrd.read_data(inside, stream, None, index_order="C")
+    return voxels
+
+
+def _three_axes(
+    raw: np.ndarray, header: dict[str, Any], path: Path, numbers: bool
+) -> tuple[VoxelArray, list[int]]:
+    """Return (Z, Y, X) voxels, and which of the header's axes are x, y and z."""
+    kinds = [str(kind).lower() for kind in header.get("kinds", ["domain"] * raw.ndim)]
+    axes = list(range(raw.ndim))
+    if kinds and kinds[0] in _COLOURS and raw.ndim == 4:
+        meaning = PixelMeaning(samples=raw.shape[-1])
+        return decode(raw, meaning, path, numbers=numbers), [1, 2, 3]
+    single = [axis for axis in axes if raw.shape[::-1][axis] == 1]
+    while len(axes) > 3 and single:
+        axes.remove(single.pop())
+    if len(axes) > 3:
+        if numbers and raw.ndim == 4 and _is_segmentation(header):
+            return _merged_layers(raw, path), [1, 2, 3]
+        raise ScanError(
+            f"{path} has {raw.ndim} axes (sizes {' '.join(map(str, raw.shape[::-1]))}, kinds "
+            f"{' '.join(kinds)}), but a scan has three (z, y, x): save one channel and one time step "
+            "as its own file."
+        )
+    # A view of a map would name the place of the map, not its own: dropped axes of one are the same data.
+    return plain_numbers(raw.reshape([raw.shape[::-1][axis] for axis in axes][::-1])), axes
+
+
+def _is_segmentation(header: dict[str, Any]) -> bool:
+    return any(key.startswith("Segment") and key.endswith("_LabelValue") for key in header)
+
+
+def _merged_layers(raw: np.ndarray, path: Path) -> np.ndarray:
+    """Return the layers of a Slicer segmentation as one image of numbers."""
+    merged = np.zeros(raw.shape[:3], np.int64)
+    offset = 0
+    for layer in range(raw.shape[3]):
+        part = raw[..., layer].astype(np.int64)
+        inside = part > 0
+        if (merged[inside] > 0).any():
+            raise ScanError(
+                f"{path} holds segments that overlap: in Slicer, export them as a label map, "
+                "in which each voxel belongs to one."
+            )
+        merged[inside] = part[inside] + offset
+        offset = int(merged.max(initial=0))
+    return merged
+
+
+def _steps(
+    header: dict[str, Any], axes: list[int]
+) -> tuple[np.ndarray | None, np.ndarray, str | None, str | None]:
+    """Return the steps along x, y, z, the first voxel's position, the unit, and the word if it is none."""
     origin = np.asarray(header.get("space origin", np.zeros(3)), dtype=float)
     if origin.shape != (3,) or not np.isfinite(origin).all():
         origin = np.zeros(3)
     if "space directions" in header:
-        return np.asarray(header["space directions"], dtype=float), origin
-    if "spacings" in header:
-        spacings = np.asarray(header["spacings"], dtype=float)
-        if np.isfinite(spacings).all():
-            return np.diag(spacings), origin
-    return None, origin
-
-
-def _unit(header: dict[str, Any], path: Path) -> str | None:
-    """Return the unit that all axes share."""
-    names = {
-        str(name).strip().strip('"') for name in header.get("space units", header.get("units", [])) or []
-    }
-    names.discard("")
-    if not names:
-        return None
-    if len(names) > 1:
-        raise ScanError(
-            f"{path} gives its axes different units ({', '.join(sorted(names))}): give voxel_size."
+        steps = np.array(
+            [
+                [np.nan] * 3 if row is None else np.asarray(row, dtype=float)
+                for row in (header["space directions"][axis] for axis in axes)
+            ]
         )
+        words = [str(word) for word in header.get("space units", header.get("units", [])) or []]
+        if len(words) != 3 and len(words) > max(axes):
+            words = [words[axis] for axis in axes]
+        factors, unit, odd = _factors(words)
+        return steps * factors, origin * factors, unit, odd
+    if "spacings" in header:
+        spacings = np.asarray(header["spacings"], dtype=float)[axes]
+        if np.isfinite(spacings).all():
+            words = [str(word) for word in header.get("units", header.get("space units", [])) or []]
+            if len(words) > 3:
+                words = [words[axis] for axis in axes]
+            factors, unit, odd = _factors(words)
+            return np.diag(spacings * factors), origin, unit, odd
+    return None, origin, None, None
+
+
+def _factors(words: list[str]) -> tuple[np.ndarray, str | None, str | None]:
+    """Return what the axes' numbers must be multiplied by to be in one unit, and that unit."""
+    said = [word for word in words if not names_no_length(word)]
+    if not said:
+        return np.ones(3), None, None
     try:
-        return parse_unit(names.pop())
+        lengths = [
+            length_unit(word) for word in (words if len(words) == 3 else [said[0]] * 3) if word in said
+        ]
     except UnitError:
-        return None
+        return np.ones(3), None, next(word for word in said if not _is_length(word))
+    unit = lengths[0][1]
+    factors = [count * (METRES_PER_UNIT[name] / METRES_PER_UNIT[unit]) for count, name in lengths]
+    if len(factors) != 3:  # one axis says nothing: it is taken to be as the others, if they agree
+        if len(set(factors)) > 1:
+            return np.ones(3), None, ", ".join(words)
+        factors = [factors[0]] * 3
+    return np.array(factors), unit, None
+
+
+def _is_length(word: str) -> bool:
+    try:
+        length_unit(word)
+    except UnitError:
+        return False
+    return True
 
 
 FAMILY = Family("NRRD volume", (".nrrd", ".nhdr"), read)

@@ -13,8 +13,10 @@ from mbstudio.core.scan.scan import VoxelArray
 
 def along_axes(
     voxels: VoxelArray, steps: Float[np.ndarray, "3 3"], origin: Float[np.ndarray, "3"], path: Path
-) -> tuple[VoxelArray, tuple[float, float, float], tuple[float, float, float]]:
-    """Return voxels, spacing (z, y, x) and origin (x, y, z) for axes that run in positive directions.
+) -> tuple[VoxelArray, tuple[float, float, float], tuple[float, float, float], tuple[bool, bool, bool]]:
+    """Return voxels, spacing (z, y, x), origin (x, y, z) and what was flipped (z, y, x).
+
+    Afterwards the axes run in positive directions.
 
     Parameters
     ----------
@@ -51,4 +53,6 @@ def along_axes(
     if backwards.any():
         voxels = voxels[tuple(slice(None, None, -1 if back else 1) for back in backwards[::-1])]
     x, y, z = (float(edge) for edge in spacing)
-    return voxels, (z, y, x), (float(origin[0]), float(origin[1]), float(origin[2]))
+    back_x, back_y, back_z = (bool(back) for back in backwards)
+    corner = (float(origin[0]), float(origin[1]), float(origin[2]))
+    return voxels, (z, y, x), corner, (back_z, back_y, back_x)

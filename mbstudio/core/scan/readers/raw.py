@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.scan.readers.pixels import plain_numbers
 
 
 def read(path: Path, options: ReadOptions) -> Reading:
@@ -34,7 +36,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     if dtype.itemsize > 1 and options.big_endian:
         dtype = dtype.newbyteorder(">")
     require_grey_volume(shape, dtype, path)
-    needed = options.header_bytes + int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+    needed = options.header_bytes + math.prod(shape) * dtype.itemsize
     present = path.stat().st_size
     if present < needed:
         raise ScanError(
@@ -47,7 +49,9 @@ def read(path: Path, options: ReadOptions) -> Reading:
             f"{path} has {present:,} bytes, {present - needed:,} more than shape {shape} of {dtype.name} "
             "needs: check shape and dtype, or give the surplus as header_bytes if it precedes the voxels."
         )
-    return Reading(np.memmap(path, dtype=dtype, mode="r", offset=options.header_bytes, shape=shape))
+    return Reading(
+        plain_numbers(np.memmap(path, dtype=dtype, mode="r", offset=options.header_bytes, shape=shape))
+    )
 
 
 FAMILY = Family("RAW voxels", (".raw", ".bin", ".vol", ".dat"), read)

@@ -1,108 +1,167 @@
-"""A folder of slices: one TIFF or PNG image a slice, in natural order of their names."""
+"""A folder of slices: one TIFF, PNG, BMP or JPEG image a slice, in the order of their numbers."""
 
 from __future__ import annotations
 
-import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers import tiff
-from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
+from mbstudio.core.scan.readers import picture, tiff
+from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.scan.readers.skyscan import find_log
+from mbstudio.core.scan.readers.slice_names import SliceOrder, order_slices
 from mbstudio.core.scan.slice_stack import SliceStack
 
 TIFF_SUFFIXES = (".tif", ".tiff")
-IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png")
-
-
-def natural_key(name: str) -> list[tuple[int, int, str]]:
-    """Return a sorting key in which ``slice2`` comes before ``slice10``."""
-    parts = re.split(r"(\d+)", name.lower())
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts]
-
-
-def _image_files(folder: Path) -> list[Path]:
-    """Return the images of the folder in natural order; hidden files are left out."""
-    images = [
-        entry
-        for entry in folder.iterdir()
-        if entry.is_file() and entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
-    ]
-    kinds = {"TIFF" if entry.suffix.lower() in TIFF_SUFFIXES else "PNG" for entry in images}
-    if not images:
-        raise ScanError(f"The folder {folder} holds no slices: it needs TIFF or PNG images, one per slice.")
-    if len(kinds) > 1:
-        raise ScanError(f"The folder {folder} holds both TIFF and PNG images: keep one kind of slice in it.")
-    return sorted(images, key=lambda entry: (natural_key(entry.stem), entry.name))
-
-
-def _read_image(file: Path) -> np.ndarray:
-    """Read one grey image."""
-    import imageio.v3 as iio
-    import tifffile
-
-    try:
-        image = tifffile.imread(file) if file.suffix.lower() in TIFF_SUFFIXES else iio.imread(file)
-    except Exception as error:  # the codecs raise errors of many unrelated types
-        raise ScanError(f"The slice {file} cannot be read ({error}): copy or export it again.") from error
-    if image.ndim == 3 and image.shape[-1] in (3, 4):
-        raise ScanError(f"The slice {file} is a colour image: convert the slices to grey values first.")
-    if image.ndim != 2:
-        raise ScanError(f"The slice {file} has {image.ndim} axes: export each slice as one image (y, x).")
-    return np.asarray(image)
+_KINDS = {
+    ".tif": "TIFF", ".tiff": "TIFF", ".png": "PNG", ".bmp": "BMP", ".jpg": "JPEG", ".jpeg": "JPEG",
+}  # fmt: skip
+# What scanners put beside the slices: a preview (SkyScan) and pictures of the settings.
+_PREVIEWS = ("_spr", "_arc", "_tra", "_pseudo3d")
 
 
 def read(path: Path, options: ReadOptions) -> Reading:
-    """Read a folder of slices lazily; only the sizes of all images are looked at.
+    """Read a folder of slices lazily; only the headers of all images are looked at.
 
     Raises
     ------
     ScanError
-        If there are no images, or they differ in size or type, or are in colour.
+        If there are no images, or they differ in size or type, are in colour, are of two series,
+        or some are missing.
     """
-    files = _image_files(path)
-    first = _read_image(files[0])
-    for file in files[1:]:
-        shape, dtype = _declared(file)
-        if shape != first.shape:
-            raise ScanError(
-                f"The slice {file} has {shape[0]} x {shape[1]} pixels, but {files[0].name} has "
-                f"{first.shape[0]} x {first.shape[1]}: all slices of a folder must be of one size; "
-                "remove images that are not slices (previews, projections)."
-            )
-        if dtype is not None and dtype != first.dtype:
-            raise ScanError(
-                f"The slice {file} holds {dtype}, but {files[0].name} holds {first.dtype}: "
-                "export all with one type."
-            )
+    files, notes = _slices(path)
+    first, white_is_zero = _read_image(files[0], options.numbers)
+    require_grey_volume((len(files), *first.shape), first.dtype, path)
 
     def read_slice(index: int) -> np.ndarray:
-        image = _read_image(files[index])
-        if image.shape != first.shape or image.dtype != first.dtype:
+        image, _ = _read_image(files[index], options.numbers)
+        if image.shape != first.shape:
             raise ScanError(
                 f"The slice {files[index]} has changed since the folder was opened: open it again."
             )
+        if image.dtype != first.dtype:
+            raise ScanError(
+                f"The slice {files[index]} holds {image.dtype}, but {files[0].name} holds {first.dtype}: "
+                "export all with one type."
+            )
         return image
 
-    stack = SliceStack(read_slice, (len(files), *first.shape), first.dtype)
+    ny, nx = first.shape
+    stack = SliceStack(read_slice, (len(files), ny, nx), first.dtype)
+    log = find_log(path, files[0])
+    if log is not None:
+        fields = {**log.fields, "log": log.path.name}
+        return Reading(
+            stack,
+            log.spacing,
+            "um",
+            metadata=fields,
+            notes=(*notes, *log.notes),
+            white_is_zero=white_is_zero,
+        )
     if files[0].suffix.lower() not in TIFF_SUFFIXES:
-        return Reading(stack)
-    spacing, unit, metadata = tiff.voxel_size_of(files[0])
-    return Reading(stack, spacing, unit, metadata=metadata)
+        return Reading(stack, notes=notes, white_is_zero=white_is_zero)
+    size = tiff.stated_size_of(files[0])
+    size_notes = size.notes
+    if size.spacing is not None and not size.notes and "spacing" not in size.metadata:
+        size_notes = tiff.as_far_apart_as_rows(size)
+    return Reading(
+        stack, size.spacing, size.unit, size.unit_word, metadata=size.metadata, notes=notes,
+        size_notes=size_notes, doubt=size.doubt, white_is_zero=white_is_zero,
+    )  # fmt: skip
 
 
-def _declared(file: Path) -> tuple[tuple[int, ...], np.dtype | None]:
-    """Return shape and dtype (None: unknown) of an image from its header alone."""
-    import tifffile
-    from PIL import Image
+def _slices(folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Return the slices of a folder in their order, and what was taken for granted."""
+    images = _image_files(folder)
+    described = {file: _described(file) for file in images}
+    sizes = Counter(size for size, _ in described.values())
+    usual = max(sizes, key=lambda size: sizes[size])
+    order = order_slices(images, folder)
+    notes = list(order.notes)
+    _require_strays(order, described, usual, folder)
+    if order.left_out:
+        names = ", ".join(file.name for file in order.left_out)
+        notes.append(f"holds images of other names and sizes, which were left out: {names}.")
+    head = described[order.files[0]]
+    for file in order.files[1:]:
+        shape, kind = described[file]
+        if shape != head[0]:
+            raise ScanError(
+                f"The slice {file} has {shape[0]} x {shape[1]} pixels, but {order.files[0].name} has "
+                f"{head[0][0]} x {head[0][1]}: all slices of a folder must be of one size; "
+                "remove images that are not slices (previews, projections)."
+            )
+        if kind != head[1]:
+            raise ScanError(
+                f"The slice {file} holds other pixels ({kind}) than {order.files[0].name} ({head[1]}): "
+                "export all with one type."
+            )
+    return order.files, tuple(notes)
 
+
+def _require_strays(
+    order: SliceOrder,
+    described: dict[Path, tuple[tuple[int, int], str]],
+    usual: tuple[int, int],
+    folder: Path,
+) -> None:
+    """Refuse images of other names that could be slices, being of the size of slices."""
+    for file in order.left_out:
+        if described[file][0] == usual and not file.stem.lower().endswith(_PREVIEWS):
+            raise ScanError(
+                f"The folder {folder} holds {file.name} among slices such as {order.files[0].name}, of "
+                "the same "
+                "size but not numbered as they are: take it out, or name it as the slice that it is."
+            )
+
+
+def _image_files(folder: Path) -> list[Path]:
+    """Return the images of the folder; hidden files are left out."""
+    images = [
+        entry
+        for entry in folder.iterdir()
+        if entry.is_file() and entry.suffix.lower() in _KINDS and not entry.name.startswith(".")
+    ]
+    there = {_KINDS[entry.suffix.lower()] for entry in images}
+    kinds = [kind for kind in dict.fromkeys(_KINDS.values()) if kind in there]
+    if not images:
+        raise ScanError(
+            f"The folder {folder} holds no slices: it needs TIFF, PNG, BMP or JPEG images, one per slice."
+        )
+    if len(kinds) > 1:
+        raise ScanError(
+            f"The folder {folder} holds both {' and '.join(kinds)} images: keep one kind of slice in it."
+        )
+    return images
+
+
+def _read_image(file: Path, numbers: bool) -> tuple[np.ndarray, bool]:
+    """Read one grey image; whether white is zero."""
     try:
         if file.suffix.lower() in TIFF_SUFFIXES:
-            with tifffile.TiffFile(file) as document:
-                return document.pages[0].shape, document.pages[0].dtype
-        with Image.open(file) as image:
-            return image.size[::-1], None
+            image, white_is_zero = tiff.read_image(file, numbers)
+        else:
+            image, white_is_zero = picture.read_picture(file, numbers), False
+    except (ScanError, MemoryError):
+        raise
+    except Exception as error:  # the codecs raise errors of many unrelated types
+        raise ScanError(f"The slice {file} cannot be read ({error}): copy or export it again.") from error
+    if image.ndim != 2:
+        raise ScanError(f"The slice {file} has {image.ndim} axes: export each slice as one image (y, x).")
+    return np.asarray(image), white_is_zero
+
+
+def _described(file: Path) -> tuple[tuple[int, int], str]:
+    """Return size and kind of pixels of an image from its header alone."""
+    try:
+        if file.suffix.lower() in TIFF_SUFFIXES:
+            return tiff.describe_image(file)
+        return picture.describe_picture(file)
+    except ScanError:
+        raise
     except Exception as error:  # as in _read_image
         raise ScanError(f"The slice {file} cannot be read ({error}): copy or export it again.") from error
 

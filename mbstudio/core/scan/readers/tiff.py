@@ -4,25 +4,35 @@ from __future__ import annotations
 
 import logging
 import math
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mbstudio.core.errors import ScanError, UnitError
-from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.errors import ScanError
+from mbstudio.core.scan.readers.family import (
+    Family,
+    Reading,
+    ReadOptions,
+    require_grey_volume,
+    require_memory,
+)
+from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
+from mbstudio.core.scan.readers.tiff_lengths import StatedSize, cubic, stated_size
+from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.scan.slice_stack import SliceStack
-from mbstudio.core.units import conversion_factor, parse_unit
 
 # A compressed stack up to this size is decoded at once; a larger one page by page on demand.
 DECODE_AT_ONCE_BYTES = 2 << 30
-# Resolutions that cameras, scanners and image editors write without meaning a length.
-_MEANINGLESS_DPI = (1, 72, 96, 100, 120, 144, 150, 180, 200, 240, 300, 350, 400, 600, 1200)
-
-Spacing = tuple[float, float, float]
+_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_OTHER_MAGIC = {
+    b"\x89PNG": "a PNG image", b"\xff\xd8\xff": "a JPEG image", b"BM": "a BMP image", b"GIF8": "a GIF image",
+    b"\x89HDF": "an HDF5 file", b"PK\x03\x04": "a ZIP archive", b"\x1f\x8b": "a gzip archive",
+    b"NRRD": "an NRRD file", b"%PDF": "a PDF document", b"<!DO": "a web page", b"<htm": "a web page",
+    b"\x93NUM": "a NumPy array",
+}  # fmt: skip
 
 
 @contextmanager
@@ -45,6 +55,13 @@ def _quiet_tifffile() -> Iterator[list[str]]:
         logger.propagate = propagates
 
 
+def _opened(path: Path) -> Any:
+    """Open a TIFF file, and no other that it may name as part of a set."""
+    import tifffile
+
+    return tifffile.TiffFile(path, _multifile=False)
+
+
 def read(path: Path, options: ReadOptions) -> Reading:
     """Read a TIFF stack of one channel and one time step.
 
@@ -53,89 +70,219 @@ def read(path: Path, options: ReadOptions) -> Reading:
     ScanError
         If the file is empty, truncated, no TIFF, in colour, or has more than three axes.
     """
-    import tifffile
-
-    if path.stat().st_size == 0:
-        raise ScanError(f"{path} is empty (0 bytes): copy or export the scan again.")
+    require_tiff(path)
     try:
-        with _quiet_tifffile() as errors, tifffile.TiffFile(path) as document:
+        with _quiet_tifffile() as errors, _opened(path) as document:
             pages = len(document.pages)
             if errors:
                 raise ScanError(
                     f"{path} is cut off or damaged: only {pages} of its pages can be found; "
                     "copy or export it again."
                 )
-            voxels = _voxels(document, path)
-            spacing, unit, metadata = _voxel_size(document)
-    except ScanError:
+            voxels, white_is_zero, notes = _voxels(document, path, options.numbers)
+            size = stated_size(document)
+    except (ScanError, MemoryError):
         raise
     except Exception as error:  # the parser and the codecs raise errors of many unrelated types
-        raise ScanError(
-            f"{path} cannot be read as a TIFF stack ({error}): "
-            "it is damaged or cut off; copy or export it again."
-        ) from error
-    return Reading(voxels, spacing, unit, metadata=metadata)
+        raise _unreadable(path, error) from error
+    return Reading(
+        voxels, size.spacing, size.unit, size.unit_word, metadata=size.metadata,
+        notes=notes, size_notes=size.notes, doubt=size.doubt, white_is_zero=white_is_zero,
+    )  # fmt: skip
 
 
-def _voxels(document: Any, path: Path) -> Any:
-    """Return the voxels of the file's one series, mapped, decoded or lazy."""
-    import tifffile
+def require_tiff(path: Path) -> None:
+    """Raise ScanError, with the true cause, if a file does not begin as TIFF files do."""
+    if path.stat().st_size == 0:
+        raise ScanError(f"{path} is empty (0 bytes): copy or export the scan again.")
+    with path.open("rb") as stream:
+        start = stream.read(4)
+    if start in _MAGIC:
+        return
+    for magic, kind in _OTHER_MAGIC.items():
+        if start.startswith(magic):
+            raise ScanError(
+                f"{path} is not a TIFF file but {kind}: give it the right ending, or export as TIFF."
+            )
+    raise ScanError(f"{path} is not a TIFF file, although its name ends so: export the scan as TIFF.")
 
+
+def _unreadable(path: Path, error: Exception) -> ScanError:
+    """Return the error that tells why a TIFF file cannot be decoded."""
+    reason = str(error) or type(error).__name__
+    if "imagecodecs" in reason or "codec" in reason.lower() or "not supported" in reason:
+        return ScanError(
+            f"{path} is compressed or laid out in a way that cannot be decoded here ({reason}): "
+            "save it uncompressed."
+        )
+    return ScanError(
+        f"{path} cannot be read as a TIFF stack ({reason}): it is damaged or cut off; "
+        "copy or export it again."
+    )
+
+
+def _voxels(document: Any, path: Path, numbers: bool) -> tuple[VoxelArray, bool, tuple[str, ...]]:
+    """Return the voxels of the file's one stack, mapped, decoded or lazy; whether white is zero; notes."""
     if not document.series:
         raise ScanError(f"{path} holds no images: copy or export the scan again.")
-    if len(document.series) > 1 and len({series.shape for series in document.series}) > 1:
-        shapes = ", ".join(str(series.shape) for series in document.series[:4])
-        raise ScanError(
-            f"{path} holds {len(document.series)} images of different sizes ({shapes}): "
-            "save the slices of one scan, all of one size, as their own file."
-        )
-    _require_complete(document, path)
-    shape, dtype = _stack_shape(document, path)
+    chosen, notes = _stack(document, path)
+    _require_complete(document, chosen, path)
+    shape, dtype = _stack_shape(document, chosen, path)
+    page = chosen[0].keyframe
+    meaning = meaning_of(page)
     require_grey_volume(shape, dtype, path)
-    page = document.pages[0]
-    if len(document.series) == 1 and document.series[0].dataoffset is not None and page.is_memmappable:
-        byte_order = document.byteorder
-        return np.memmap(path, dtype.newbyteorder(byte_order), "r", document.series[0].dataoffset, shape)
-    if math.prod(shape) * dtype.itemsize <= DECODE_AT_ONCE_BYTES:
-        volume = document.asarray() if len(document.series) == 1 else document.asarray(key=slice(None))
-        return np.ascontiguousarray(volume).reshape(shape)
+    one = chosen[0] if len(chosen) == 1 else None
+    raw: VoxelArray
+    if one is not None and one.dataoffset is not None and page.is_memmappable and meaning.samples == 1:
+        order = document.byteorder
+        raw = np.memmap(path, dtype.newbyteorder(order), "r", one.dataoffset, shape)
+        if meaning.is_plain or (numbers and meaning.palette is None):
+            return plain_numbers(raw), meaning.white_is_zero, notes
+    volume = math.prod(shape) * dtype.itemsize * meaning.samples
+    pages = [part.index for series in chosen for part in series.pages if part is not None]
+    if volume <= DECODE_AT_ONCE_BYTES or len(pages) != shape[0]:
+        require_memory(shape, dtype.itemsize * meaning.samples, path, document.filehandle.size)
+        return _decode_at_once(chosen, shape, meaning, path, numbers), meaning.white_is_zero, notes
 
     def read_slice(index: int) -> np.ndarray:
-        return np.array(tifffile.imread(path, key=index))
+        try:
+            with _quiet_tifffile(), _opened(path) as again:
+                there = again.pages[pages[index]]
+                return decode(_samples_last(there.asarray(), there.axes), meaning, path, numbers=numbers)
+        except (ScanError, MemoryError):
+            raise
+        except Exception as error:  # as in read
+            raise _unreadable(path, error) from error
 
-    return SliceStack(read_slice, shape, dtype)
+    first = read_slice(0)
+    return SliceStack(read_slice, shape, first.dtype), meaning.white_is_zero, notes
 
 
-def _stack_shape(document: Any, path: Path) -> tuple[tuple[int, int, int], np.dtype[Any]]:
-    """Return (Z, Y, X) and the dtype; axes of length one beside these are dropped."""
-    series = document.series[0]
-    dtype = np.dtype(series.dtype)
-    if "S" in series.axes and series.shape[series.axes.index("S")] in (3, 4):
+def _decode_at_once(
+    chosen: Sequence[Any], shape: tuple[int, int, int], meaning: PixelMeaning, path: Path, numbers: bool
+) -> np.ndarray:
+    volumes = [_samples_last(series.asarray(), series.axes) for series in chosen]
+    volume = volumes[0] if len(volumes) == 1 else np.stack(volumes)
+    full = (*shape, volume.shape[-1]) if meaning.samples > 1 else shape
+    return decode(np.ascontiguousarray(volume).reshape(full), meaning, path, numbers=numbers)
+
+
+def _samples_last(image: np.ndarray, axes: str) -> np.ndarray:
+    """Return an image with the samples of a pixel on its last axis, if it has such."""
+    return np.moveaxis(image, axes.index("S"), -1) if "S" in axes else image
+
+
+def meaning_of(page: Any) -> PixelMeaning:
+    """Return what the numbers of a page stand for, by its tags."""
+    photometric = int(page.photometric)
+    palette = None
+    if photometric == 3 and page.colormap is not None:
+        palette = np.ascontiguousarray(np.asarray(page.colormap, dtype=np.uint16).T)
+        if palette.size and palette.max() < 256:  # bytes where the format has two-byte colours
+            palette = palette * np.uint16(257)
+    bits = page.bitspersample
+    bits = int(bits if isinstance(bits, int) else max(bits))
+    lossy = int(page.compression) in (6, 7, 33003, 33005, 34712, 34892)
+    samples = int(page.samplesperpixel) if "S" in page.axes else 1
+    return PixelMeaning(photometric == 0, bits, palette, samples, lossy)
+
+
+def _stack(document: Any, path: Path) -> tuple[list[Any], tuple[str, ...]]:
+    """Choose the series that make the stack: one volume, or many single pages of one size."""
+    series = list(document.series)
+    if len(series) == 1:
+        return series, ()
+    volumes = [one for one in series if _depth(one) > 1]
+    if not volumes and len({(one.shape, one.dtype) for one in series}) == 1:
+        return series, ()
+    if len(volumes) == 1 and all(one is volumes[0] or _is_beside(one, volumes[0]) for one in series):
+        others = ", ".join(_named(one) for one in series if one is not volumes[0])
+        return volumes, (f"holds other images beside the stack, which were left out: {others}.",)
+    names = ", ".join(_named(one) for one in series[:6])
+    if len({one.shape[-2:] for one in series}) > 1:
         raise ScanError(
-            f"{path} holds colour images (shape {series.shape}): convert it to grey values first, "
-            "for example in ImageJ with Image > Type > 16-bit."
+            f"{path} holds {len(series)} images of different sizes ({names}): "
+            "save the slices of one scan, all of one size, as their own file."
         )
-    if len(document.series) > 1:  # plain pages that tifffile does not join
-        return (len(document.pages), *document.pages[0].shape), dtype
-    axes = [(axis, length) for axis, length in zip(series.axes, series.shape, strict=True) if length > 1]
-    crowd = [f"{axis}={length}" for axis, length in axes if axis in "CT"]
-    if len(axes) > 3 or (crowd and len(axes) == 3 and "Z" in series.axes and dict(axes).get("Z", 1) > 1):
+    raise ScanError(
+        f"{path} holds {len(series)} stacks of images ({names}), and which of them is the scan is not said: "
+        "save the one that is meant as its own file."
+    )
+
+
+def _depth(series: Any) -> int:
+    """Return how many images a series holds."""
+    return math.prod(
+        length for axis, length in zip(series.axes, series.shape, strict=True) if axis not in "YXS"
+    )
+
+
+def _is_beside(series: Any, volume: Any) -> bool:
+    """Whether a single image lies before or behind all pages of a volume: a label or preview of it."""
+    if _depth(series) > 1:
+        return False
+    mine = [page.index for page in series.pages if page is not None]
+    its = [page.index for page in volume.pages if page is not None]
+    return not mine or not its or mine[-1] < its[0] or mine[0] > its[-1]
+
+
+def _named(series: Any) -> str:
+    name = f"'{series.name}' " if series.name else ""
+    return f"{name}{' x '.join(map(str, series.shape))}"
+
+
+def _stack_shape(
+    document: Any, chosen: Sequence[Any], path: Path
+) -> tuple[tuple[int, int, int], np.dtype[Any]]:
+    """Return (Z, Y, X) and the dtype; axes of length one beside these are dropped."""
+    series = chosen[0]
+    dtype = np.dtype(series.dtype)
+    pairs = [(axis, length) for axis, length in zip(series.axes, series.shape, strict=True) if axis != "S"]
+    axes, shape = "".join(axis for axis, _ in pairs), tuple(length for _, length in pairs)
+    if len(chosen) > 1:  # plain pages that tifffile does not join
+        return (len(chosen), shape[-2], shape[-1]), dtype
+    long = [(axis, length) for axis, length in pairs if length > 1]
+    crowd = [f"{axis}={length}" for axis, length in long if axis in "CT"]
+    slices = dict(pairs).get("Z", 1)
+    if len(long) > 3 or (crowd and len(long) == 3 and slices > 1):
         raise ScanError(
-            f"{path} holds more than one volume (axes {series.axes}, shape {series.shape}): "
+            f"{path} holds more than one volume (axes {axes}, shape {shape}): "
             "save one channel and one time step as its own file."
         )
-    lengths = tuple(length for _, length in axes)
-    if len(axes) < 3:  # slices only one voxel long along an axis
-        lengths = tuple(series.shape[-3:]) if len(series.shape) >= 3 else (1, *series.shape)
-    return lengths, dtype
+    _require_slices(document, dict(pairs), path)
+    if len(long) < 3:  # slices only one voxel long along an axis
+        shape = shape[-3:] if len(shape) >= 3 else (1, *shape)
+        return (shape[0], shape[1], shape[2]), dtype
+    return (long[0][1], long[1][1], long[2][1]), dtype
 
 
-def _require_complete(document: Any, path: Path) -> None:
+def _require_slices(document: Any, lengths: dict[str, int], path: Path) -> None:
+    """Refuse what ImageJ says are colour channels, or moments in time, of one slice."""
+    facts = (document.imagej_metadata or {}) if document.is_imagej else {}
+    if facts and 1 < lengths.get("C", 1) <= 4 and str(facts.get("mode", "")) in ("composite", "color"):
+        raise ScanError(
+            f"{path} holds {lengths['C']} channels of one slice: save one channel of all slices as its "
+            "own file."
+        )
+    if facts and lengths.get("T", 1) > 1 and "finterval" in facts:
+        raise ScanError(
+            f"{path} is a time series of one slice ({lengths['T']} frames): if its frames are slices, "
+            "exchange "
+            "both in ImageJ with Image > Properties and clear the frame interval."
+        )
+
+
+def _require_complete(document: Any, chosen: Sequence[Any], path: Path) -> None:
     """Raise ScanError if a page's data lies beyond the end of the file."""
     size = document.filehandle.size
     count = len(document.pages)
-    series = document.series[0]
-    if series.dataoffset is not None:
+    series = chosen[0]
+    if document.is_ome and any(page is None for one in chosen for page in one.pages):
+        raise ScanError(
+            f"{path} is one file of a set, and the slices that lie in the others are not read: "
+            "save the set as one file."
+        )
+    if series.dataoffset is not None and len(chosen) == 1:
         missing = series.dataoffset + series.nbytes > size
     else:
         missing = any(
@@ -145,7 +292,7 @@ def _require_complete(document: Any, path: Path) -> None:
             if length
         )
     declared = document.shaped_metadata[0].get("shape") if document.shaped_metadata else None
-    if declared and math.prod(declared) != sum(math.prod(one.shape) for one in document.series):
+    if declared and math.prod(declared) > sum(math.prod(one.shape) for one in document.series):
         missing = True
     if document.is_imagej and (document.imagej_metadata or {}).get("images", count) > max(
         count, math.prod(series.shape[:-2])
@@ -157,90 +304,44 @@ def _require_complete(document: Any, path: Path) -> None:
         )
 
 
-def voxel_size_of(file: Path) -> tuple[Spacing | None, str | None, dict[str, Any]]:
-    """Return spacing (z, y, x), unit and metadata of a TIFF file."""
-    import tifffile
-
-    with _quiet_tifffile(), tifffile.TiffFile(file) as document:
-        return _voxel_size(document)
+# One slice of a folder -------------------------------------------------------------------------------
 
 
-def _voxel_size(document: Any) -> tuple[Spacing | None, str | None, dict[str, Any]]:
-    """Read the voxel size: OME first, then ImageJ, then the bare resolution tags.
-
-    OME must state all three edges. ImageJ and plain TIFF without a slice distance are taken to
-    have cubic voxels, as cone-beam CT does; `open_scan` can be told otherwise.
-    """
-    if document.is_ome:
-        return _ome_size(document)
-    tags = document.pages[0].tags
-    pixel = _pixel_from_tags(tags)
-    if document.is_imagej:
-        facts = dict(document.imagej_metadata or {})
-        unit = _known_unit(facts.get("unit"))
-        if pixel is None or unit is None:
-            return None, None, facts
-        depth = float(facts.get("spacing", pixel[1]))
-        return (depth, *pixel), unit, facts
-    per_unit = {2: ("cm", 2.54), 3: ("cm", 1.0)}  # ResolutionUnit: inch, centimetre
-    resolution_unit = int(tags["ResolutionUnit"].value) if "ResolutionUnit" in tags else 2
-    if pixel is None or resolution_unit not in per_unit:
-        return None, None, {}
-    unit, factor = per_unit[resolution_unit]
-    if any(_is_camera_default(1 / edge, resolution_unit) for edge in pixel):
-        return None, None, {}
-    y, x = (edge * factor for edge in pixel)
-    return (y, y, x), unit, {}
+def read_image(file: Path, numbers: bool) -> tuple[np.ndarray, bool]:
+    """Return the one image of a file, decoded, and whether white is zero."""
+    require_tiff(file)
+    with _quiet_tifffile(), _opened(file) as document:
+        if len(document.series) > 1 or len(document.pages) > 1:
+            raise ScanError(
+                f"The slice {file} holds {len(document.pages)} images where a slice is one: "
+                "open the file itself if it is the whole scan."
+            )
+        page = document.pages[0]
+        meaning = meaning_of(page)
+        image = _samples_last(page.asarray(), page.axes)
+    return decode(image, meaning, f"The slice {file}", numbers=numbers), meaning.white_is_zero
 
 
-def _is_camera_default(resolution: float, resolution_unit: int) -> bool:
-    """Whether pixels per inch (2) or centimetre (3) are a number that software writes unasked."""
-    dpi = resolution if resolution_unit == 2 else resolution * 2.54
-    return any(abs(dpi - known) < 0.02 * max(known, 1) for known in _MEANINGLESS_DPI) or (
-        resolution_unit == 3 and abs(resolution - 1) < 1e-6
-    )
+def describe_image(file: Path) -> tuple[tuple[int, int], str]:
+    """Return rows and columns of a file's first page and what its pixels are, from its tags alone."""
+    require_tiff(file)
+    with _quiet_tifffile(), _opened(file) as document:
+        page = document.pages[0]
+        kind = f"{page.dtype}, {page.samplesperpixel} values a pixel, {page.photometric.name.lower()}"
+        return (int(page.imagelength), int(page.imagewidth)), kind
 
 
-def _pixel_from_tags(tags: Any) -> tuple[float, float] | None:
-    """Return the pixel's edges (y, x) from the resolution tags, per resolution unit."""
-    edges = []
-    for name in ("YResolution", "XResolution"):
-        if name not in tags:
-            return None
-        pixels, units = tags[name].value
-        if pixels <= 0 or units <= 0:
-            return None
-        edges.append(units / pixels)
-    return edges[0], edges[1]
+def stated_size_of(file: Path) -> StatedSize:
+    """Return what a TIFF file says about the size of its voxels."""
+    with _quiet_tifffile(), _opened(file) as document:
+        return stated_size(document)
 
 
-def _known_unit(text: Any) -> str | None:
-    """Return the canonical unit of an ImageJ unit text, None if it is no length ('pixel')."""
-    name = str(text or "").replace("\\u00B5", "µ").replace("\\u00b5", "µ")
-    try:
-        return parse_unit(name)
-    except UnitError:
-        return None
-
-
-def _ome_size(document: Any) -> tuple[Spacing | None, str | None, dict[str, Any]]:
-    """Read PhysicalSizeX, Y, Z of the first OME image; OME's default unit is the micrometre."""
-    root = ElementTree.fromstring(document.ome_metadata)
-    pixels = next((node for node in root.iter() if node.tag.rpartition("}")[2] == "Pixels"), None)
-    if pixels is None:
-        return None, None, {}
-    facts = dict(pixels.attrib)
-    edges, units = [], []
-    for axis in "ZYX":
-        if f"PhysicalSize{axis}" not in facts:
-            return None, None, facts
-        unit = _known_unit(facts.get(f"PhysicalSize{axis}Unit", "µm"))
-        if unit is None:
-            return None, None, facts
-        edges.append(float(facts[f"PhysicalSize{axis}"]))
-        units.append(unit)
-    z, y, x = (edge * conversion_factor(unit, units[-1]) for edge, unit in zip(edges, units, strict=True))
-    return (z, y, x), units[-1], facts
+def as_far_apart_as_rows(size: StatedSize) -> tuple[str, ...]:
+    """Return the note that slices of a folder are taken to be as far apart as rows."""
+    assert size.spacing is not None
+    assert size.unit is not None
+    return cubic(size.spacing[0], size.unit)
 
 
 FAMILY = Family("TIFF stack", (".tif", ".tiff"), read)

@@ -1,0 +1,329 @@
+"""HDF5: ilastik's exports, NeXus and plain files; one of several arrays is named behind a colon."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbstudio.core.errors import ScanError, UnitError
+from mbstudio.core.scan.readers.family import (
+    Family,
+    Reading,
+    ReadOptions,
+    require_grey_volume,
+    require_memory,
+)
+from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
+from mbstudio.core.scan.readers.text import plain_text
+from mbstudio.core.scan.readers.tiff_lengths import Spacing, length_unit
+from mbstudio.core.scan.scan import VoxelArray
+from mbstudio.core.scan.slice_stack import SliceStack
+from mbstudio.core.units import METRES_PER_UNIT, names_no_length
+
+SUFFIXES = (".h5", ".hdf5", ".hdf", ".nxs", ".nx5", ".he5")
+# A packed volume up to this size is unpacked at once; a larger one slice by slice on demand.
+UNPACK_AT_ONCE_BYTES = 2 << 30
+# Where ilastik, and the Data Exchange format, put the one array that is meant.
+_USUAL = ("exported_data", "exchange/data")
+
+
+def split_dataset(path: Path) -> tuple[Path, str | None]:
+    """Part ``scan.h5:/entry/data`` (or ``scan.h5/entry/data``) into the file and the name inside it."""
+    text = str(path)
+    for suffix in SUFFIXES:
+        for sign in (":", "/", "\\"):
+            place = text.lower().find(suffix + sign)
+            if place < 0 or path.exists():
+                continue
+            end = place + len(suffix)
+            file, name = Path(text[:end]), text[end + 1 :].replace("\\", "/").strip("/")
+            if name and file.is_file():
+                return file, name
+    return path, None
+
+
+def read(path: Path, options: ReadOptions) -> Reading:
+    """Read one array of an HDF5 file.
+
+    It is the one that the caller names, or the only volume in the file, or the one that NeXus
+    calls the default, or ilastik's ``exported_data``. Axes are put in the order z, y, x by ilastik's
+    ``axistags``, and axes of length one are dropped.
+
+    Raises
+    ------
+    ScanError
+        If the file is damaged, or several arrays could be meant.
+    """
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        raise ScanError(f"{path} is not an HDF5 file, or is cut off: copy or export it again.")
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            dataset = _choose(file, options.dataset, path)
+            return _reading(dataset, path, options)
+    except (ScanError, MemoryError):
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        raise ScanError(
+            f"{path} cannot be read as HDF5 ({error}): it is damaged or cut off; copy or export it again."
+        ) from error
+
+
+def _volumes(file: Any) -> dict[str, Any]:
+    """Return the arrays of numbers that have three axes longer than one, by their names."""
+    import h5py
+
+    found: dict[str, Any] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "buif":
+            return
+        if sum(count > 1 for count in item.shape or ()) >= 3:
+            found[name] = item
+
+    file.visititems(visit)
+    return found
+
+
+def _choose(file: Any, name: str | None, path: Path) -> Any:
+    """Return the array that is meant."""
+    import h5py
+
+    volumes = _volumes(file)
+    if name is not None:
+        link = file.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            raise ScanError(f"{path} holds '{name}' in another file, {link.filename}: open that file itself.")
+        item = file.get(name)
+        if isinstance(item, h5py.Dataset):
+            return item
+        inside = [key for key in volumes if key.startswith(name.strip("/") + "/")]
+        if len(inside) == 1:
+            return volumes[inside[0]]
+        raise ScanError(f"{path} holds no array '{name}'{_listed(volumes)}.")
+    if not volumes:
+        raise ScanError(f"{path} holds no array of three axes (z, y, x): a scan needs one.")
+    if len(volumes) == 1:
+        return next(iter(volumes.values()))
+    default = _default_of_nexus(file)
+    if default is not None and default.name.strip("/") in volumes:
+        return default
+    usual = [volumes[key] for key in _USUAL if key in volumes]
+    if len(usual) == 1:
+        return usual[0]
+    raise ScanError(
+        f"{path} holds {len(volumes)} arrays that could be the scan{_listed(volumes)}. "
+        f"Name the one that is meant behind a colon, as in '{path.name}:/{next(iter(volumes))}'."
+    )
+
+
+def _listed(volumes: Mapping[str, Any]) -> str:
+    names = [f"/{key} ({' x '.join(map(str, item.shape))})" for key, item in volumes.items()]
+    return ": " + ", ".join(names[:8]) + (", ..." if len(names) > 8 else "") if names else ""
+
+
+def _default_of_nexus(file: Any) -> Any | None:
+    """Follow NeXus' ``default`` attributes to the signal of the default plot."""
+    import h5py
+
+    group = file
+    for _ in range(8):
+        signal = group.attrs.get("signal")
+        if signal is not None and _text(signal) in group:
+            item = group.get(_text(signal))
+            return item if isinstance(item, h5py.Dataset) else None
+        name = group.attrs.get("default")
+        if name is None or not isinstance(group.get(_text(name)), h5py.Group):
+            return None
+        group = group[_text(name)]
+    return None
+
+
+def _text(value: Any) -> str:
+    """Return an attribute as text, in whichever way it was written."""
+    if isinstance(value, np.ndarray):
+        value = value.flat[0] if value.size else ""
+    return plain_text(value) if isinstance(value, bytes) else str(value)
+
+
+def _reading(dataset: Any, path: Path, options: ReadOptions) -> Reading:
+    name = f"{path}:{dataset.name}"
+    if dataset.is_virtual or dataset.external:
+        raise ScanError(f"{name} lies in other files that this one names: copy it into one file.")
+    order, samples = _order_of_axes(dataset, name)
+    shape = tuple(dataset.shape[axis] for axis in order)
+    require_grey_volume(shape, dataset.dtype, Path(name))
+    voxels = _voxels(dataset, order, samples, path, name, options.numbers)
+    spacing, unit, unit_word = _spacing(dataset, order)
+    metadata = {
+        key: _text(value) if not isinstance(value, np.ndarray) else value.tolist()
+        for key, value in dataset.attrs.items()
+        if not isinstance(value, type(None)) and _is_short(value)
+    }
+    return Reading(voxels, spacing, unit, unit_word, metadata={**metadata, "dataset": dataset.name})
+
+
+def _is_short(value: Any) -> bool:
+    return np.size(value) <= 64 and not hasattr(value, "id")
+
+
+def _order_of_axes(dataset: Any, name: str) -> tuple[tuple[int, int, int], int | None]:
+    """Return which axes are z, y and x, and which holds the samples of a pixel, if any does."""
+    keys = _axis_keys(dataset)
+    shape = dataset.shape
+    if keys is not None and len(keys) == len(shape):
+        places = {key: axis for axis, key in enumerate(keys)}
+        beside = [axis for axis, key in enumerate(keys) if key not in "zyx" and shape[axis] > 1]
+        if beside:
+            kinds = ", ".join(f"{keys[axis]}={shape[axis]}" for axis in beside)
+            raise ScanError(
+                f"{name} holds more than one volume ({kinds}), such as probabilities of classes: "
+                "export one channel and one time step, or the segmentation, as its own file."
+            )
+        if all(key in places for key in "zyx"):
+            return (places["z"], places["y"], places["x"]), None
+        # A class or time axis may carry the slices where there is no z.
+    long = [axis for axis, count in enumerate(shape) if count > 1]
+    if len(long) == 3:
+        return (long[0], long[1], long[2]), None
+    if len(shape) == 4 and shape[-1] in (3, 4):
+        return (0, 1, 2), 3
+    raise ScanError(
+        f"{name} has {len(shape)} axes (shape {shape}), but a scan has three (z, y, x): "
+        "save one channel and one time step as its own file."
+    )
+
+
+def _axis_keys(dataset: Any) -> list[str] | None:
+    """Return ilastik's names of the axes."""
+    tags = dataset.attrs.get("axistags")
+    if tags is None:
+        return None
+    try:
+        return [str(axis["key"]).lower() for axis in json.loads(_text(tags))["axes"]]
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _voxels(
+    dataset: Any,
+    order: tuple[int, int, int],
+    samples: int | None,
+    path: Path,
+    name: str,
+    numbers: bool,
+) -> VoxelArray:
+    """Return the voxels mapped, unpacked or lazy, in the order z, y, x."""
+    offset = dataset.id.get_offset() if dataset.chunks is None and not dataset.compression else None
+    shape = tuple(dataset.shape[axis] for axis in order)
+    in_order = list(order) == sorted(order)
+    is_enum = dataset.dtype.kind == "b" or bool(dataset.dtype.metadata)
+    if offset is not None and in_order and samples is None and not is_enum:
+        return plain_numbers(np.memmap(path, dataset.dtype, "r", offset, shape))  # type: ignore[no-any-return]
+    count = math.prod(dataset.shape)
+    stored = int(dataset.id.get_storage_size())
+    if count and not stored:
+        raise ScanError(f"{name} was laid out but never filled with voxels: export it again.")
+    if samples is not None:
+        require_memory(dataset.shape, dataset.dtype.itemsize, Path(name))
+        return decode(dataset[()], PixelMeaning(samples=dataset.shape[-1]), name, numbers=numbers)
+    if count * dataset.dtype.itemsize <= UNPACK_AT_ONCE_BYTES:
+        whole = dataset[()]
+        rest = [axis for axis in range(whole.ndim) if axis not in order]
+        volume = np.ascontiguousarray(whole.transpose([*order, *rest]).reshape(shape))
+        return plain_numbers(volume)  # type: ignore[no-any-return]
+    inside = dataset.name
+
+    def read_slice(index: int) -> np.ndarray:
+        import h5py
+
+        with h5py.File(path, "r", locking=False) as again:
+            key = tuple(
+                index if axis == order[0] else slice(None) if axis in order else 0
+                for axis in range(len(again[inside].shape))
+            )
+            image = again[inside][key]
+        if order[1] > order[2]:
+            image = image.T
+        return np.ascontiguousarray(plain_numbers(image))
+
+    first = read_slice(0)
+    return SliceStack(read_slice, (shape[0], shape[1], shape[2]), first.dtype)
+
+
+def _spacing(dataset: Any, order: tuple[int, int, int]) -> tuple[Spacing | None, str | None, str | None]:
+    """Return edges z, y, x, unit and odd unit's word by the attributes that programs write."""
+    attributes = dataset.attrs
+    if "element_size_um" in attributes:  # Fiji's HDF5 plugin, ilastik, PlantSeg
+        edges = _three(attributes["element_size_um"])
+        if edges is not None:
+            return edges, "um", None
+    for name in ("voxel_size", "voxelsize", "pixel_size", "spacing", "resolution", "element_size"):
+        if name in attributes:
+            edges = _three(attributes[name])
+            if edges is None:
+                continue
+            words = [_text(attributes[key]) for key in ("unit", "units", f"{name}_unit", f"{name}_units")
+                     if key in attributes]  # fmt: skip
+            return _with_unit(edges, words[0] if words else "")
+    return _spacing_of_nexus(dataset, order)
+
+
+def _three(value: Any) -> Spacing | None:
+    try:
+        numbers = [float(number) for number in np.ravel(value)]
+    except (TypeError, ValueError):
+        return None
+    if len(numbers) == 1:
+        numbers *= 3
+    if len(numbers) != 3 or min(numbers) <= 0:
+        return None
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _with_unit(edges: Spacing, word: str) -> tuple[Spacing | None, str | None, str | None]:
+    if names_no_length(word):
+        return edges, None, None
+    try:
+        factor, unit = length_unit(word)
+    except UnitError:
+        return edges, None, word
+    z, y, x = edges
+    return (z * factor, y * factor, x * factor), unit, None
+
+
+def _spacing_of_nexus(
+    dataset: Any, order: tuple[int, int, int]
+) -> tuple[Spacing | None, str | None, str | None]:
+    """Return the spacing of the places that NeXus gives along each axis."""
+    group = dataset.parent
+    names = group.attrs.get("axes")
+    if names is None or np.size(names) != len(dataset.shape):
+        return None, None, None
+    edges, unit = [], "um"
+    for axis in order:
+        places = group.get(_text(np.ravel(names)[axis]))
+        if places is None or getattr(places, "ndim", 0) != 1 or places.shape[0] != dataset.shape[axis]:
+            return None, None, None
+        values = np.asarray(places[()], dtype=float)
+        steps = np.abs(np.diff(values))
+        word = _text(places.attrs.get("units", places.attrs.get("unit", "")))
+        if not steps.size or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.max():
+            return None, None, None
+        if names_no_length(word):
+            return None, None, None
+        try:
+            factor, name = length_unit(word)
+        except UnitError:
+            return None, None, word
+        edges.append(float(steps.mean()) * factor * METRES_PER_UNIT[name] / METRES_PER_UNIT[unit])
+    return (edges[0], edges[1], edges[2]), unit, None
+
+
+FAMILY = Family("HDF5 or NeXus file", SUFFIXES, read)
