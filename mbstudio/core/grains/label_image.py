@@ -165,7 +165,7 @@ def _black_is_zero(labels: Int[np.ndarray, "Z Y X"], name: str) -> Int[np.ndarra
     other = np.asarray(np.iinfo(kind).max - labels) if kind.kind == "u" else ~labels
     values = np.unique(labels)
     if len(values) == 2 and values[0] == 0:
-        return (labels == 0).astype(np.uint8)
+        return np.asarray(labels == 0, dtype=np.uint8)
     as_it_is, turned = bool((labels == 0).any()), bool((other == 0).any())
     if as_it_is and turned:
         raise SegmentationError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
@@ -93,7 +94,7 @@ def _write_by_itk(path: Path, labels: Int[np.ndarray, "Z Y X"], grains: GrainSet
     size = grains.voxel_size
     factor = size.to("mm").x / size.x
     placed = grid if grid is not None and _is_rigid(grid) else None
-    image = sitk.GetImageFromArray(
+    image: Any = sitk.GetImageFromArray(
         np.ascontiguousarray(labels if placed is None else placed.as_stored(labels))
     )
     image.SetSpacing([edge * factor for edge in size.xyz])

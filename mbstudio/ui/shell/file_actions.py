@@ -225,7 +225,7 @@ class FileActions(QObject):
             self._window,
             tr("Load labels"),
             self.folder(),
-            tr("Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha);;All files (*)"),
+            tr("Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha *.h5);;All files (*)"),
         )
         if name:
             self._window.grains.load(Path(name))

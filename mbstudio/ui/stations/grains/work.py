@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from types import MappingProxyType
 
 from mbstudio.core.batch.segmenting import segment_in_process
+from mbstudio.core.errors import GrainWarning
 from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.ui.language import tr
@@ -34,11 +36,24 @@ class GrainWork(Work):
         scan = self.workspace.scan
         if scan is None:
             return None
-        task = Task(tr("Loading {name}", name=path.name), lambda control: load_labels(path, scan))
-        task.succeeded.connect(lambda grains: self._take(scan, grains, None))
+
+        def work(control: Control) -> tuple[GrainSet, tuple[str, ...]]:
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always", GrainWarning)
+                grains = load_labels(path, scan)
+            return grains, tuple(str(one.message) for one in told if issubclass(one.category, GrainWarning))
+
+        task = Task(tr("Loading {name}", name=path.name), work)
+        task.succeeded.connect(lambda loaded: self._take(scan, loaded[0], None, loaded[1]))
         return self.queue.submit(task)
 
-    def _take(self, scan: object, grains: GrainSet, settings: SegmentationSettings | None) -> None:
+    def _take(
+        self,
+        scan: object,
+        grains: GrainSet,
+        settings: SegmentationSettings | None,
+        notes: tuple[str, ...] = (),
+    ) -> None:
         if self.workspace.scan is not scan:
             self.said.emit(
                 "warning",
@@ -54,12 +69,10 @@ class GrainWork(Work):
             segmentation=settings,
             fits=MappingProxyType({}),
         )
-        self.said.emit(
-            "success",
-            tr(
-                "{count} grains, {inside} of them not cut by the edge of the scan. "
-                "Click one in the view or the table, then fit it.",
-                count=len(grains),
-                inside=inside,
-            ),
+        told = tr(
+            "{count} grains, {inside} of them not cut by the edge of the scan. "
+            "Click one in the view or the table, then fit it.",
+            count=len(grains),
+            inside=inside,
         )
+        self.said.emit("warning" if notes else "success", " ".join((told, *notes)))

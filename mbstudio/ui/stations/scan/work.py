@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
-from mbstudio.core.errors import ScanError, UnitError
+from mbstudio.core.errors import ScanError, ScanWarning, UnitError
 from mbstudio.core.project import ScanReference
 from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reopen
 from mbstudio.core.scan import Scan, open_scan, sample_scan
@@ -21,7 +22,9 @@ from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 RAW_SUFFIXES = {".raw", ".bin", ".vol", ".dat"}
-SCAN_SUFFIXES = (".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mhd", ".mha", *sorted(RAW_SUFFIXES))
+SCAN_SUFFIXES = (
+    ".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mhd", ".mha", ".h5", ".hdf5", ".nxs", *sorted(RAW_SUFFIXES)
+)  # fmt: skip
 IN_MEMORY = 4 * 2**30  # bytes up to which lazy slices are read at once, so that every cut is quick
 
 
@@ -73,14 +76,16 @@ class ScanWork(Work):
         path = answer.path
 
         def work(control: Control) -> OpenedScan:
-            scan = open_scan(
-                path,
-                answer.voxel_size,
-                shape=answer.shape,
-                dtype=answer.dtype,
-                header_bytes=answer.header_bytes,
-                big_endian=answer.big_endian,
-            )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ScanWarning)  # the scan's notes are shown
+                scan = open_scan(
+                    path,
+                    answer.voxel_size,
+                    shape=answer.shape,
+                    dtype=answer.dtype,
+                    header_bytes=answer.header_bytes,
+                    big_endian=answer.big_endian,
+                )
             control.checkpoint()
             return _opened(scan, tr("Open {name}", name=path.name), path.name.capitalize())
 
@@ -154,20 +159,20 @@ class ScanWork(Work):
 
     def _ask(self, path: Path, error: Exception) -> None:
         if isinstance(error, UnitError):
-            self.asked.emit(path, tr("The file does not say how large its voxels are."), False)
+            # What to do about it is what the window asks for.
+            self.asked.emit(path, f"{str(error).rpartition(': ')[0] or error}.", False)
 
     def _take(self, opened: OpenedScan) -> None:
         self.workspace.use_scan(opened.scan, opened.reference, opened.title)
         shape = " × ".join(str(count) for count in opened.scan.shape)
-        self.said.emit(
-            "success",
-            tr(
-                "{scan}: {shape} voxels of {voxel_size}. Next: find the grains.",
-                scan=opened.name,
-                shape=shape,
-                voxel_size=opened.scan.voxel_size,
-            ),
+        told = tr(
+            "{scan}: {shape} voxels of {voxel_size}. Next: find the grains.",
+            scan=opened.name,
+            shape=shape,
+            voxel_size=opened.scan.voxel_size,
         )
+        notes = opened.scan.notes
+        self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
 
 
 def _opened(scan: Scan, title: str, name: str) -> OpenedScan:
