@@ -57,9 +57,9 @@ def parse_unit(text: str) -> str:
 
 
 def _plain_unit(text: str) -> str:
-    """Return a unit's text without the traces of the file that it was written in.
+    r"""Return a unit's text without the traces of the file that it was written in.
 
-    Quotes and brackets around it go, escapes (``\\u00B5m``, ``&micro;m``) become characters, and
+    Quotes and brackets around it go, escapes (``\u00B5m``, ``&micro;m``) become characters, and
     a micro sign that was read in another encoding than it was written in becomes one again.
     """
     name = html.unescape(str(text).strip("\x00 \t\r\n"))
