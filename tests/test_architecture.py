@@ -37,6 +37,7 @@ RENDERING = {"pyvista", "pyvistaqt", "vtk", "vtkmodules"}
 UNSAFE = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve"}
 VAGUE = {"utils", "util", "helpers", "helper", "misc", "common"}
 LONGEST_FILE = 700
+LONGEST_FUNCTION = 80
 LARGEST_FOLDER = 25
 
 # Who must not import whom (a folder stands for all in it; "mbstudio" alone for the package's own __init__).
@@ -269,6 +270,19 @@ def test_a_module_is_a_noun():
 def test_files_stay_short():
     lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in TREES}
     long = [f"{place(path)}: {lines} lines" for path, lines in lengths.items() if lines > LONGEST_FILE]
+    refuse(long)
+
+
+def test_functions_below_the_window_stay_short():
+    long = []
+    for path, module in TREES.items():
+        if "/ui/" in place(path):
+            continue
+        for node in ast.walk(module):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = node.end_lineno - node.lineno + 1
+                if lines > LONGEST_FUNCTION:
+                    long.append(f"{place(path)}:{node.lineno} {node.name}: {lines} lines")
     refuse(long)
 
 

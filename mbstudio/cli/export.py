@@ -31,85 +31,97 @@ def _tell_targets(wanted: bool) -> None:
 
 HELP = "Write avatars for a DEM engine, each with its centre of mass at the origin."
 
+SourceArgument = Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with avatars.")]
+TargetOption = Annotated[
+    str, typer.Option("--to", metavar="TARGET", help="Kind of DEM files; --targets lists all.")
+]
+FolderOption = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")]
+DensityOption = Annotated[float | None, typer.Option("--density", help="Density of the grains, in kg/m3.")]
+UnitOption = Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")]
+SelectOption = Annotated[
+    str,
+    typer.Option(
+        "--select",
+        metavar="all|valid|3,5,9|kept",
+        help="Avatars to export; labels may be ranges (1-20). 'kept' takes the grains kept in the latent "
+        "studio, 'kept:flat one,kept 2' those with these names.",
+    ),
+]
+SpheresOption = Annotated[int | None, typer.Option("--spheres", help="Number of spheres of each clump.")]
+ErrorOption = Annotated[
+    float | None,
+    typer.Option(
+        "--error",
+        metavar="PERCENT",
+        help="Largest distance of a mesh to its avatar in % of D_n; the coarsest such mesh is taken.",
+    ),
+]
+ClumpTargetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--clump-target",
+        metavar="TARGET",
+        help="Find the fewest spheres that reach this: 'iou 0.95', 'hausdorff 3 %', 'volume 1 %', "
+        "'inertia 1 %'; 'and n 200' sets the largest number.",
+    ),
+]
+ExtraOption = Annotated[
+    list[str] | None,
+    typer.Option("--option", metavar="NAME=VALUE", help="An option of the target; repeat for more."),
+]
+SpecimenOption = Annotated[
+    int | None,
+    typer.Option("--specimen", metavar="N", help="Also fill a box with N particles of a size distribution."),
+]
+CurveOption = Annotated[
+    str | None,
+    typer.Option(
+        "--curve",
+        metavar="SIZE:FINER,...",
+        help="Sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or add a unit at the end).",
+    ),
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the specimen.")]
+ShareOption = Annotated[
+    list[str] | None,
+    typer.Option("--share", metavar="NAME=SHARE", help="Relative frequency of an avatar in the specimen."),
+]
+BoxWidthOption = Annotated[
+    float | None,
+    typer.Option("--box-width", help="Width of the specimen's box, in the unit of the curve."),
+]
+TellTargetsOption = Annotated[
+    bool,
+    typer.Option(
+        "--targets",
+        is_eager=True,
+        callback=_tell_targets,
+        help="List all targets with their options, and exit.",
+    ),
+]
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
+]
+
 
 def export(
-    source: Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with avatars.")],
-    target: Annotated[
-        str, typer.Option("--to", metavar="TARGET", help="Kind of DEM files; --targets lists all.")
-    ],
-    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")],
-    density: Annotated[
-        float | None, typer.Option("--density", help="Density of the grains, in kg/m3.")
-    ] = None,
-    unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
-    select: Annotated[
-        str,
-        typer.Option(
-            "--select",
-            metavar="all|valid|3,5,9|kept",
-            help="Avatars to export; labels may be ranges (1-20). 'kept' takes the grains kept in the latent "
-            "studio, 'kept:flat one,kept 2' those with these names.",
-        ),
-    ] = "valid",
-    spheres: Annotated[int | None, typer.Option("--spheres", help="Number of spheres of each clump.")] = None,
-    error: Annotated[
-        float | None,
-        typer.Option(
-            "--error",
-            metavar="PERCENT",
-            help="Largest distance of a mesh to its avatar in % of D_n; the coarsest such mesh is taken.",
-        ),
-    ] = None,
-    clump_target: Annotated[
-        str | None,
-        typer.Option(
-            "--clump-target",
-            metavar="TARGET",
-            help="Find the fewest spheres that reach this: 'iou 0.95', 'hausdorff 3 %', 'volume 1 %', "
-            "'inertia 1 %'; 'and n 200' sets the largest number.",
-        ),
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option("--option", metavar="NAME=VALUE", help="An option of the target; repeat for more."),
-    ] = None,
-    specimen: Annotated[
-        int | None,
-        typer.Option(
-            "--specimen", metavar="N", help="Also fill a box with N particles of a size distribution."
-        ),
-    ] = None,
-    curve: Annotated[
-        str | None,
-        typer.Option(
-            "--curve",
-            metavar="SIZE:FINER,...",
-            help="Sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or add a unit at the end).",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the specimen.")] = 0,
-    share: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--share", metavar="NAME=SHARE", help="Relative frequency of an avatar in the specimen."
-        ),
-    ] = None,
-    box_width: Annotated[
-        float | None,
-        typer.Option("--box-width", help="Width of the specimen's box, in the unit of the curve."),
-    ] = None,
-    _targets: Annotated[
-        bool,
-        typer.Option(
-            "--targets",
-            is_eager=True,
-            callback=_tell_targets,
-            help="List all targets with their options, and exit.",
-        ),
-    ] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
-    ] = False,
+    source: SourceArgument,
+    target: TargetOption,
+    folder: FolderOption,
+    density: DensityOption = None,
+    unit: UnitOption = None,
+    select: SelectOption = "valid",
+    spheres: SpheresOption = None,
+    error: ErrorOption = None,
+    clump_target: ClumpTargetOption = None,
+    option: ExtraOption = None,
+    specimen: SpecimenOption = None,
+    curve: CurveOption = None,
+    seed: SeedOption = 0,
+    share: ShareOption = None,
+    box_width: BoxWidthOption = None,
+    _targets: TellTargetsOption = False,
+    overwrite: OverwriteOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio export``; `HELP` says what it does."""

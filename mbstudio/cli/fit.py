@@ -41,73 +41,84 @@ If the project or scan has no grains yet, they are found first. When interrupted
 saves the finished avatars; the same command then continues with the rest.
 """
 
+SourceArgument = Annotated[
+    Path, typer.Argument(metavar="SCAN|PROJECT|MESH", help="A scan, a project, or a closed surface mesh.")
+]
+NOption = Annotated[int, typer.Option("-n", "--control-points", help="Control points of each avatar.")]
+OutputOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="Project file; by default a project is saved in place."
+    ),
+]
+MethodOption = Annotated[
+    str, typer.Option("--method", help="'fast', or 'paper' for the published algorithms.")
+]
+ExtraOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--option",
+        metavar="NAME=VALUE",
+        help="An option of the method; repeat for more. --options lists all.",
+    ),
+]
+TellOptionsOption = Annotated[
+    bool,
+    typer.Option(
+        "--options",
+        is_eager=True,
+        callback=_tell_options,
+        help="List the options of both methods, and exit.",
+    ),
+]
+CavitiesOption = Annotated[
+    str,
+    typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar."),
+]
+TargetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--target",
+        metavar="WORDS",
+        help="Find the fewest control points that reach this, instead of -n: "
+        "'volume 0.5 % and hausdorff 2 %'.",
+    ),
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random numbers.")]
+GrainsOption = Annotated[
+    str | None, typer.Option("--grains", metavar="3,5,9", help="Fit only these labels (1-20 is a range).")
+]
+LimitOption = Annotated[int | None, typer.Option("--limit", help="Fit at most this many grains.")]
+RefitOption = Annotated[bool, typer.Option("--refit", help="Also fit grains that already have an avatar.")]
+ResolutionOption = Annotated[int, typer.Option("--resolution", help="Voxels along a mesh's longest edge.")]
+EmbedScanOption = Annotated[
+    bool, typer.Option("--embed-scan", help="Store the scan's voxels in the project.")
+]
+
 
 def fit(
-    source: Annotated[
-        Path, typer.Argument(metavar="SCAN|PROJECT|MESH", help="A scan, a project, or a closed surface mesh.")
-    ],
+    source: SourceArgument,
     voxel_size: inputs.VoxelSizeOption = None,
-    n: Annotated[int, typer.Option("-n", "--control-points", help="Control points of each avatar.")] = 40,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Project file; by default a project is saved in place."
-        ),
-    ] = None,
-    method: Annotated[
-        str, typer.Option("--method", help="'fast', or 'paper' for the published algorithms.")
-    ] = "fast",
-    option: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--option",
-            metavar="NAME=VALUE",
-            help="An option of the method; repeat for more. --options lists all.",
-        ),
-    ] = None,
-    _options: Annotated[
-        bool,
-        typer.Option(
-            "--options",
-            is_eager=True,
-            callback=_tell_options,
-            help="List the options of both methods, and exit.",
-        ),
-    ] = False,
-    cavities: Annotated[
-        str,
-        typer.Option("--cavities", help="'fill' enclosed cavities, or 'keep' them as voids of the avatar."),
-    ] = "fill",
-    target: Annotated[
-        str | None,
-        typer.Option(
-            "--target",
-            metavar="WORDS",
-            help="Find the fewest control points that reach this, instead of -n: "
-            "'volume 0.5 % and hausdorff 2 %'.",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the random numbers.")] = 0,
+    n: NOption = 40,
+    output: OutputOption = None,
+    method: MethodOption = "fast",
+    option: ExtraOption = None,
+    _options: TellOptionsOption = False,
+    cavities: CavitiesOption = "fill",
+    target: TargetOption = None,
+    seed: SeedOption = 0,
     workers: inputs.WorkersOption = None,
-    grains: Annotated[
-        str | None, typer.Option("--grains", metavar="3,5,9", help="Fit only these labels (1-20 is a range).")
-    ] = None,
-    limit: Annotated[int | None, typer.Option("--limit", help="Fit at most this many grains.")] = None,
-    refit: Annotated[
-        bool, typer.Option("--refit", help="Also fit grains that already have an avatar.")
-    ] = False,
+    grains: GrainsOption = None,
+    limit: LimitOption = None,
+    refit: RefitOption = False,
     labels: inputs.LabelsOption = None,
     splitting: inputs.SplittingOption = None,
     smallest: inputs.SmallestOption = None,
     threshold: inputs.ThresholdOption = None,
     unit: inputs.UnitOption = None,
-    resolution: Annotated[
-        int, typer.Option("--resolution", help="Voxels along a mesh's longest edge.")
-    ] = 120,
+    resolution: ResolutionOption = 120,
     scan: inputs.ScanOption = None,
-    embed_scan: Annotated[
-        bool, typer.Option("--embed-scan", help="Store the scan's voxels in the project.")
-    ] = False,
+    embed_scan: EmbedScanOption = False,
     shape: inputs.ShapeOption = None,
     dtype: inputs.DtypeOption = None,
     header_bytes: inputs.HeaderOption = 0,
@@ -153,15 +164,7 @@ def fit(
         console.print_json({**summary, "failures": outcome.failures, "interrupted": outcome.interrupted})
     else:
         console.print_facts(f"Avatars of {source.name}", summary)
-    for label, reason in list(outcome.failures.items())[:5]:
-        console.tell(f"mbstudio: grain {label} has no avatar: {reason}")
-    warned = {
-        label: result.verdict.warnings for label, result in outcome.fits.items() if result.verdict.warnings
-    }
-    for label, told in list(warned.items())[:5]:
-        console.tell(f"mbstudio: grain {label}: {' '.join(told)}")
-    if len(warned) > 5:
-        console.tell(f"mbstudio: and {len(warned) - 5} more grains with warnings.")
+    _tell_failures_and_warnings(outcome)
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(
@@ -172,6 +175,19 @@ def fit(
         raise FitError(
             f"None of the {len(chosen)} grains of {source} could be fitted: the reasons are listed above."
         )
+
+
+def _tell_failures_and_warnings(outcome: Outcome) -> None:
+    """Name the first few grains without an avatar, and the first few with warnings."""
+    for label, reason in list(outcome.failures.items())[:5]:
+        console.tell(f"mbstudio: grain {label} has no avatar: {reason}")
+    warned = {
+        label: result.verdict.warnings for label, result in outcome.fits.items() if result.verdict.warnings
+    }
+    for label, told in list(warned.items())[:5]:
+        console.tell(f"mbstudio: grain {label}: {' '.join(told)}")
+    if len(warned) > 5:
+        console.tell(f"mbstudio: and {len(warned) - 5} more grains with warnings.")
 
 
 class Outcome:

@@ -26,62 +26,79 @@ before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, e
 sphericity and roughness. Without an operation, the command describes the style-learner.
 """
 
+StyleArgument = Annotated[
+    Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")
+]
+FolderOption = Annotated[Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")]
+InterpolateOption = Annotated[
+    tuple[str, str] | None,
+    typer.Option("--interpolate", metavar="A B", help="Interpolate from A to B, ends included."),
+]
+AddOption = Annotated[
+    tuple[str, str, str] | None,
+    typer.Option("--add", metavar="C A B", help="Add the difference between A and B to C."),
+]
+BlendOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--blend", metavar="A=0.5", help="Weighted sum about the parents' mean; repeat for each grain."
+    ),
+]
+NoiseOption = Annotated[
+    str | None, typer.Option("--noise", metavar="A", help="Variations of A; see --sigma, --count.")
+]
+MoveOption = Annotated[
+    str | None, typer.Option("--move", metavar="A", help="Move A along meanings; see --by.")
+]
+ByOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--by", metavar="csf=-1", help="How far --move goes, in standard deviations; repeat for more."
+    ),
+]
+DesignOption = Annotated[
+    list[str] | None,
+    typer.Option("--design", metavar="csf=0.6", help="Find a grain with this factor; repeat for more."),
+]
+TakeOption = Annotated[
+    list[str] | None,
+    typer.Option("--take", metavar="A", help="Reconstruct A with the style-learner; repeat for more."),
+]
+StepsOption = Annotated[int, typer.Option("--steps", min=2, help="Number of grains of --interpolate.")]
+SigmaOption = Annotated[
+    float, typer.Option("--sigma", min=0.0, help="Strength of --noise; 1 is as far as another parent.")
+]
+CountOption = Annotated[int, typer.Option("--count", min=1, help="Number of grains of --noise.")]
+StrengthOption = Annotated[float, typer.Option("--strength", help="Factor of the difference in --add.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")]
+BeyondOption = Annotated[bool, typer.Option("--beyond", help="Allow grains farther out than any parent.")]
+UnitOption = Annotated[
+    str | None, typer.Option("--unit", help="Length unit of the files, and of given meshes.")
+]
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
+]
+
 
 def latent(
-    style: Annotated[Path, typer.Argument(metavar="STYLE", help="The folder that 'mbstudio learn' wrote.")],
-    folder: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")
-    ] = None,
-    interpolate: Annotated[
-        tuple[str, str] | None,
-        typer.Option("--interpolate", metavar="A B", help="Interpolate from A to B, ends included."),
-    ] = None,
-    add: Annotated[
-        tuple[str, str, str] | None,
-        typer.Option("--add", metavar="C A B", help="Add the difference between A and B to C."),
-    ] = None,
-    blend: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--blend", metavar="A=0.5", help="Weighted sum about the parents' mean; repeat for each grain."
-        ),
-    ] = None,
-    noise: Annotated[
-        str | None, typer.Option("--noise", metavar="A", help="Variations of A; see --sigma, --count.")
-    ] = None,
-    move: Annotated[
-        str | None, typer.Option("--move", metavar="A", help="Move A along meanings; see --by.")
-    ] = None,
-    by: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--by", metavar="csf=-1", help="How far --move goes, in standard deviations; repeat for more."
-        ),
-    ] = None,
-    design: Annotated[
-        list[str] | None,
-        typer.Option("--design", metavar="csf=0.6", help="Find a grain with this factor; repeat for more."),
-    ] = None,
-    take: Annotated[
-        list[str] | None,
-        typer.Option("--take", metavar="A", help="Reconstruct A with the style-learner; repeat for more."),
-    ] = None,
-    steps: Annotated[int, typer.Option("--steps", min=2, help="Number of grains of --interpolate.")] = 11,
-    sigma: Annotated[
-        float, typer.Option("--sigma", min=0.0, help="Strength of --noise; 1 is as far as another parent.")
-    ] = 0.3,
-    count: Annotated[int, typer.Option("--count", min=1, help="Number of grains of --noise.")] = 10,
-    strength: Annotated[float, typer.Option("--strength", help="Factor of the difference in --add.")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = 0,
-    beyond: Annotated[
-        bool, typer.Option("--beyond", help="Allow grains farther out than any parent.")
-    ] = False,
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="Length unit of the files, and of given meshes.")
-    ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
-    ] = False,
+    style: StyleArgument,
+    folder: FolderOption = None,
+    interpolate: InterpolateOption = None,
+    add: AddOption = None,
+    blend: BlendOption = None,
+    noise: NoiseOption = None,
+    move: MoveOption = None,
+    by: ByOption = None,
+    design: DesignOption = None,
+    take: TakeOption = None,
+    steps: StepsOption = 11,
+    sigma: SigmaOption = 0.3,
+    count: CountOption = 10,
+    strength: StrengthOption = 1.0,
+    seed: SeedOption = 0,
+    beyond: BeyondOption = False,
+    unit: UnitOption = None,
+    overwrite: OverwriteOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio latent``; `HELP` says what it does."""
