@@ -161,9 +161,9 @@ def test_options_of_a_method(mbstudio, fitted_project, tmp_path):
 
 
 def test_an_interrupted_fit_keeps_what_is_done(mbstudio, small_scan_file, tmp_path, monkeypatch):
-    from mbstudio.core import batch
+    from mbstudio.core.batch import many_fits
 
-    fit_many = batch.fit_many
+    fit_many = many_fits.fit_many
 
     def interrupted(*arguments, **options):
         items = fit_many(*arguments, **options)
@@ -171,7 +171,7 @@ def test_an_interrupted_fit_keeps_what_is_done(mbstudio, small_scan_file, tmp_pa
         signal.raise_signal(signal.SIGINT)
         yield next(items)
 
-    monkeypatch.setattr(batch, "fit_many", interrupted)
+    monkeypatch.setattr(many_fits, "fit_many", interrupted)
     path = tmp_path / "part.mbs"
     # A suite that runs in the background of a shell inherits an ignored SIGINT.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
