@@ -12,7 +12,7 @@ from mbstudio.core.dem.formats.metaball import read_metaball
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.vae.models.style_learner import load_style_learner
 from mbstudio.core.vae.models.training import learn
-from mbstudio.core.vae.shaping.kept_grain import measured
+from mbstudio.core.vae.shaping.kept_grain import measure_recipes
 from mbstudio.core.vae.shaping.latent import farthest, mean_latent
 from mbstudio.core.vae.shaping.latent_recipe import Recipe, style_digest
 from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
@@ -197,7 +197,7 @@ def test_kept_grains_of_a_project_are_exported(mbstudio, tmp_path):
         for row, name in enumerate(("kept 1", "flat one", "kept 3"))
     ]
     path = tmp_path / "sand.mbs"
-    with Project(ProjectState(style=learner, kept=measured(learner, recipes))) as project:
+    with Project(ProjectState(style=learner, kept=measure_recipes(learner, recipes))) as project:
         project.save(path)
     to = ("--to", "metaball", "--json")
     ran = mbstudio("export", path, *to, "--select", "kept", "-o", tmp_path / "all")

@@ -137,9 +137,9 @@ _TELL_ALL = """
 import json, sys
 from mbstudio.core.dem.target import targets
 from mbstudio.core.imaging.options import find_options
-from mbstudio.core.vae.models.shape_model import model_kind
+from mbstudio.core.vae.models.presets import PRESETS, find_preset
 lists = [find_options(method).list_options().options for method in ("fast", "paper")]
-lists += [model_kind(preset).options.list_options().options for preset in ("aligned", "paper", "pca")]
+lists += [find_preset(name).options.list_options().options for name in PRESETS]
 lists += [target.options for target in targets().values()]
 tips = [[[name, option.meaning, option.allowed] for name, option in known.items()] for known in lists]
 import typer.testing
