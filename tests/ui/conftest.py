@@ -219,7 +219,7 @@ def rest(qtbot, window, idle):
 @pytest.fixture
 def shaping(window, rest, learner, meanings, monkeypatch):
     """The window at station Latent with a style-learner; its meanings are learned once for all tests."""
-    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    monkeypatch.setattr(Meanings, "measure", lambda *_, **__: meanings)
     window.enter("latent")
     window.workspace.use_style(learner)
     rest()

@@ -50,7 +50,7 @@ def test_without_a_style_learner_the_panel_explains(window, idle, rest, learner,
 
 def test_a_grain_that_was_there_before_is_in_the_picture(window, rest, learner, meanings, monkeypatch):
     """The style-learner comes at another station; on entering this one the docks take room from the view."""
-    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    monkeypatch.setattr(Meanings, "measure", lambda *_, **__: meanings)
     window.workspace.use_style(learner)
     rest()
     window.enter("latent")
@@ -394,7 +394,7 @@ def test_the_panel_tells_of_meanings_on_the_way(window, rest, learner, meanings,
         while True:
             on_progress(0.5)
 
-    monkeypatch.setattr(Meanings, "of", endless)
+    monkeypatch.setattr(Meanings, "measure", endless)
     window.enter("latent")
     window.workspace.use_style(learner)
     hint = window.panels_latent._learning
@@ -405,7 +405,7 @@ def test_the_panel_tells_of_meanings_on_the_way(window, rest, learner, meanings,
     assert window.commands.run("work.cancel")
     rest()
     assert "come back" in hint.text()
-    monkeypatch.setattr(Meanings, "of", lambda *_, **__: meanings)
+    monkeypatch.setattr(Meanings, "measure", lambda *_, **__: meanings)
     window.enter("scan")
     window.enter("latent")
     rest()
