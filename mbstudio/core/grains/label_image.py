@@ -83,12 +83,12 @@ def load_labels(
         labels = _black_is_zero(labels, name)
     size, origin = image.size, image.origin
     if scan is not None:
+        labels, notes = lay_on_scan(labels, image.grid, scan, name)
         if size is not None and differs_in_size(size, scan.voxel_size):
             _warn(
                 f"{name} says that its voxels are {size}, the scan's are {scan.voxel_size}: the scan's "
                 "are taken."
             )
-        labels, notes = lay_on_scan(labels, image.grid, scan, name)
         for note in notes:
             _warn(f"{name} {note}")
         size, origin = scan.voxel_size, scan.origin

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Int
@@ -41,7 +41,7 @@ def write_label_image(path: Path, grains: GrainSet, grid: Grid | None = None) ->
     if suffix in (".tif", ".tiff"):
         _write_tiff(path, labels if grid is None else grid.as_stored(labels), grains.voxel_size)
     else:
-        _write_by_itk(path, labels, grains, grid)
+        _write_in_space(path, labels, grains, grid)
 
 
 def require_ending(path: Path) -> str:
@@ -87,31 +87,72 @@ def _write_tiff(path: Path, labels: Int[np.ndarray, "Z Y X"], size: VoxelSize) -
             )
 
 
-def _write_by_itk(path: Path, labels: Int[np.ndarray, "Z Y X"], grains: GrainSet, grid: Grid | None) -> None:
-    """Write NRRD or MetaImage with spacing, directions and origin in millimetres."""
-    import SimpleITK as sitk
-
-    size = grains.voxel_size
-    factor = size.to("mm").x / size.x
-    placed = grid if grid is not None and _is_rigid(grid) else None
-    image: Any = sitk.GetImageFromArray(
-        np.ascontiguousarray(labels if placed is None else placed.as_stored(labels))
-    )
-    image.SetSpacing([edge * factor for edge in size.xyz])
-    if placed is None:
-        image.SetOrigin([coordinate * factor for coordinate in grains.origin])
-    else:
-        edges = np.linalg.norm(placed.steps, axis=1)
-        # ITK's columns are the directions of the axes; the caller's voxel size may not be the file's.
-        image.SetDirection((placed.steps / edges[:, None]).T.ravel().tolist())
-        image.SetOrigin((placed.origin * (np.array(size.xyz) * factor / edges)).tolist())
-    if path.suffix.lower() == ".mhd":
-        sitk.WriteImage(image, str(path), True)
-        return
+def _write_in_space(
+    path: Path, labels: Int[np.ndarray, "Z Y X"], grains: GrainSet, grid: Grid | None
+) -> None:
+    """Write NRRD or MetaImage with spacing, directions and origin in millimetres, as ITK reads them."""
+    size = np.array(grains.voxel_size.to("mm").xyz)
+    factor = size[0] / grains.voxel_size.x
+    directions, origin = np.eye(3), np.array(grains.origin) * factor
+    if grid is not None and _is_rigid(grid):
+        labels = grid.as_stored(labels)
+        edges = np.linalg.norm(grid.steps, axis=1)
+        # The caller's voxel size may not be the file's: the place grows with it.
+        directions, origin = grid.steps / edges[:, None], grid.origin * size / edges
     with replacing(path) as temporary:
-        named = temporary.with_name(temporary.name + path.suffix.lower())
-        sitk.WriteImage(image, str(named), True)
-        named.replace(temporary)
+        if path.suffix.lower() == ".nrrd":
+            _write_nrrd(temporary, labels, directions * size[:, None], origin)
+            return
+        _write_meta_image(temporary, path, labels, directions, size, origin)
+
+
+def _write_nrrd(path: Path, labels: Int[np.ndarray, "Z Y X"], steps: np.ndarray, origin: np.ndarray) -> None:
+    """Write NRRD with its units, which ITK leaves out."""
+    import nrrd
+
+    header = {
+        "space": "left-posterior-superior",
+        "space directions": steps,
+        "space origin": origin,
+        "space units": ["mm"] * 3,
+        "kinds": ["domain"] * 3,
+        "encoding": "gzip",
+    }
+    nrrd.write(str(path), np.ascontiguousarray(labels), header, index_order="C")
+
+
+def _write_meta_image(
+    temporary: Path,
+    path: Path,
+    labels: Int[np.ndarray, "Z Y X"],
+    directions: np.ndarray,
+    size: np.ndarray,
+    origin: np.ndarray,
+) -> None:
+    """Write MHA, or MHD whose compressed data lies beside it."""
+    voxels = zlib.compress(np.ascontiguousarray(labels, labels.dtype.newbyteorder("<")).tobytes(), 6)
+    beside = path.with_suffix(".zraw")
+    is_one = path.suffix.lower() == ".mha"
+    lines = (
+        "ObjectType = Image",
+        "NDims = 3",
+        "BinaryData = True",
+        "BinaryDataByteOrderMSB = False",
+        "CompressedData = True",
+        f"CompressedDataSize = {len(voxels)}",
+        "TransformMatrix = " + " ".join(f"{part:.12g}" for part in directions.ravel()),
+        "Offset = " + " ".join(f"{part:.12g}" for part in origin),
+        "CenterOfRotation = 0 0 0",
+        "ElementSpacing = " + " ".join(f"{edge:.12g}" for edge in size),
+        "DimSize = " + " ".join(str(count) for count in labels.shape[::-1]),
+        f"ElementType = {'MET_USHORT' if labels.dtype.itemsize == 2 else 'MET_UINT'}",
+        f"ElementDataFile = {'LOCAL' if is_one else beside.name}",
+    )
+    header = ("\n".join(lines) + "\n").encode()
+    temporary.write_bytes(header + voxels if is_one else header)
+    if not is_one:
+        with replacing(beside) as data:
+            data.write_bytes(voxels)
 
 
 def _is_rigid(grid: Grid) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from mbstudio.core.errors import GrainWarning, SegmentationError
+from mbstudio.core.errors import GrainWarning, ScanError, SegmentationError
 from mbstudio.core.grains import load_labels
 from mbstudio.core.scan import Scan
 from mbstudio.core.units import VoxelSize
@@ -91,3 +91,80 @@ def test_a_voxel_size_is_needed(image: np.ndarray) -> None:
 
 def test_float_labels_of_whole_numbers_are_taken(image: np.ndarray) -> None:
     assert len(load_labels(image.astype(np.float32), voxel_size="1 mm")) == 3
+
+
+# Labels of other programs ---------------------------------------------------------------------------
+
+
+def test_nan_and_64_bits_and_gaps(image: np.ndarray) -> None:
+    bare = np.where(image > 0, image, np.nan).astype(np.float32)
+    for source in (
+        bare,
+        image.astype(np.int64) * 10**12,
+        (image > 0) * image.astype(np.float64) + 2**40 * (image > 0),
+    ):
+        assert load_labels(source, voxel_size="1 mm").table["voxels"].tolist() == [27, 27, 27]
+    with pytest.raises(SegmentationError, match="too large for its type float32"):
+        load_labels(image.astype(np.float32) * 2.0**23, voxel_size="1 mm")
+
+
+def balls(shape: tuple[int, int, int], *centres: tuple[int, int, int, int]) -> np.ndarray:
+    z, y, x = np.indices(shape)
+    labels = np.zeros(shape, np.int32)
+    for number, (cz, cy, cx, radius) in enumerate(centres, 1):
+        labels[(z - cz) ** 2 + (y - cy) ** 2 + (x - cx) ** 2 <= radius**2] = number
+    return labels
+
+
+FOUR = ((10, 10, 10, 6), (10, 30, 10, 7), (30, 10, 30, 8), (30, 30, 12, 6))
+
+
+@pytest.mark.parametrize(
+    "classes",
+    [lambda four: (four > 0) + 1, lambda four: np.where(four == 0, 1, np.where(four > 2, 3, 2)),
+     lambda four: np.where(four == 0, 0, np.where(four > 2, 2, 1)), lambda four: np.where(four == 0, 255, 1),
+     lambda four: np.where(four == 0, 5, four), lambda four: np.ones_like(four)],
+)  # fmt: skip
+def test_classes_of_material_are_no_grains(classes: object) -> None:
+    four = balls((40, 40, 40), *FOUR)
+    with pytest.raises(SegmentationError, match=r"classes of material|no 0"):
+        load_labels(classes(four).astype(np.uint8), voxel_size="1 mm")  # type: ignore[operator]
+
+
+def test_a_mask_of_touching_grains_is_told_and_parted_on_request() -> None:
+    two = balls((30, 30, 44), (15, 15, 14, 9), (15, 15, 30, 8))
+    for mask in (two > 0, (two > 0).astype(np.uint8) * 255, (two > 0).astype(np.float32) * 7):
+        with pytest.warns(GrainWarning, match="it is a mask.*--splitting"):
+            assert len(load_labels(mask, voxel_size="1 mm")) == 1
+        assert len(load_labels(mask, voxel_size="1 mm", splitting=0.75)) == 2
+
+
+def test_touching_grains_of_two_numbers_stay_two() -> None:
+    two = balls((30, 30, 44), (15, 15, 14, 9), (15, 15, 30, 8))
+    assert len(load_labels(two, voxel_size="1 mm")) == 2
+
+
+def test_slicers_layers(tmp_path: Path) -> None:
+    import nrrd
+
+    four = balls((40, 40, 40), *FOUR)
+    layers = np.stack([np.where(four <= 2, four, 0), np.where(four > 2, four - 2, 0)], -1).astype(np.uint8)
+    header = {
+        "kinds": ["list", "domain", "domain", "domain"], "space": "left-posterior-superior",
+        "space directions": np.vstack([[np.nan] * 3, np.diag([0.01] * 3)]), "space units": ["mm"] * 3,
+        **{f"Segment{n}_LabelValue": str(n % 2 + 1) for n in range(4)},
+    }  # fmt: skip
+    nrrd.write(str(tmp_path / "s.seg.nrrd"), layers, header, index_order="C")
+    grains = load_labels(tmp_path / "s.seg.nrrd")
+    assert sorted(grains.table["voxels"]) == sorted(np.bincount(four.ravel())[1:])
+    assert grains.voxel_size.to("um").x == pytest.approx(10)
+    layers[10, 10, 10, 1] = 1
+    nrrd.write(str(tmp_path / "o.seg.nrrd"), layers, header, index_order="C")
+    with pytest.raises(ScanError, match="overlap"):
+        load_labels(tmp_path / "o.seg.nrrd")
+
+
+def test_cellposes_pickle_is_refused_by_name(tmp_path: Path) -> None:
+    np.save(tmp_path / "scan_seg.npy", {"masks": np.zeros((3, 3, 3))}, allow_pickle=True)  # type: ignore[arg-type]
+    with pytest.raises(ScanError, match=r"Cellpose.*_cp_masks"):
+        load_labels(tmp_path / "scan_seg.npy", voxel_size="1 mm")

@@ -31,6 +31,8 @@ def read_picture(file: Path, numbers: bool) -> np.ndarray:
         bits, samples = _MODES[image.mode]
         palette = _palette(image)
         array = np.asarray(image)
+        if image.mode == "1":
+            array = array != 0
     if image.mode == "I" and array.size and array.min() >= 0 and array.max() < 2**16:
         array = array.astype(np.uint16)  # 16-bit grey that Pillow hands out in 32
     meaning = PixelMeaning(False, bits, palette, samples, image.format in ("JPEG", "MPO"))

@@ -115,6 +115,8 @@ def _decimal_positions(files: Sequence[Path], changing: Sequence[int]) -> list[f
 
 def _counter(rows: list[list[int]], changing: list[int], files: Sequence[Path], folder: Path) -> int:
     """Return which number counts the slices."""
+    if len(changing) == 1:
+        return changing[0]
     distinct = [column for column in changing if len({row[column] for row in rows}) == len(rows)]
     if not distinct:
         column = max(changing, key=lambda column: len({row[column] for row in rows}))
