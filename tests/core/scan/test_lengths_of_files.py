@@ -96,8 +96,8 @@ def test_imagej_inches(tmp_path: Path, volume: np.ndarray) -> None:
 
 def test_a_slice_distance_that_nobody_has_set_is_asked_about(tmp_path: Path, volume: np.ndarray) -> None:
     description = "ImageJ=1.53t\nimages=5\nslices=5\nunit=um\n"
-    tifffile.imwrite(tmp_path / "s.tif", volume, description=description, metadata=None, resolution=(0.1, 0.1),
-                     resolutionunit="NONE")  # fmt: skip
+    options = {"resolution": (0.1, 0.1), "resolutionunit": "NONE"}
+    tifffile.imwrite(tmp_path / "s.tif", volume, description=description, metadata=None, **options)
     with pytest.raises(UnitError, match="slices 1 um apart"):
         open_scan(tmp_path / "s.tif")
     tifffile.imwrite(
