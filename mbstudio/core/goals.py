@@ -21,7 +21,6 @@ NUMBER = "n"
 UNSIGNED = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 """A number without sign, as a regular expression."""
 
-_ALIASES = {"d_n": "dn", "d_s": "ds", "d_ns": "dns", "corey": "csf"}
 _AIM = re.compile(rf"(?P<name>[a-z][a-z_\- ]*?)\s*(?:[<>=]+\s*)?(?P<value>{UNSIGNED})\s*(?P<percent>%?)")
 _FIRST = 10
 
@@ -33,8 +32,10 @@ def split_sentence(text: str, marks: str = ",;&") -> list[str]:
 
 def spell_measure(name: str) -> str:
     """Return a measure's name as the tables spell it: ``Sneed-Folk`` and ``D_n`` are sneed_folk and dn."""
+    from mbstudio.core.metrics import FACTORS
+
     spelt = re.sub(r"[\s\-]+", "_", name.strip().lower())
-    return _ALIASES.get(spelt, spelt)
+    return next((factor.name for factor in FACTORS.values() if spelt in factor.aliases), spelt)
 
 
 @dataclass(frozen=True)

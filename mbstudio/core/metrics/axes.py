@@ -64,9 +64,9 @@ def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
     centre = corners.mean(axis=0)
     scale = float(np.abs(corners - centre).max())
     corners = (corners - centre) / scale
-    frames = np.concatenate([starting_frames(), _frames_of(corners, hull)])
+    frames = np.concatenate([spread_frames(), _suggest_frames(corners, hull)])
     # A few hundred extreme corners tell the good frames from the bad; all corners decide at the end.
-    few = corners[np.unique(_heights(starting_frames()[::2, 0], corners).argmax(axis=1))]
+    few = corners[np.unique(_heights(spread_frames()[::2, 0], corners).argmax(axis=1))]
     volumes = _extents(few, frames).prod(axis=1)
     best = np.argsort(volumes, kind="stable")[:_KEPT]
     frames, volumes = frames[best], volumes[best]
@@ -77,9 +77,9 @@ def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
         if stage in _TIERS:
             frames = frames[np.argsort(volumes, kind="stable")[: _TIERS[stage]]]
             reach = angle / (1.0 - _SHRINK)
-            touching = _within_reach(corners, frames, reach)
+            touching = _keep_reachable(corners, frames, reach)
             volumes = _extents(touching, frames).prod(axis=1)
-        touching = _within_reach(touching, frames, angle / (1.0 - _SHRINK))
+        touching = _keep_reachable(touching, frames, angle / (1.0 - _SHRINK))
         step = Rotation.from_rotvec(offsets * angle).as_matrix()
         trials = np.einsum("tij,kjl->ktil", step, frames)
         trial_volumes = _extents(touching, trials.reshape(-1, 3, 3)).prod(axis=1).reshape(len(frames), -1)
@@ -90,7 +90,7 @@ def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
         volumes = np.where(better, trial_volumes[rows, winner], volumes)
         angle *= _SHRINK
     frame = frames[volumes.argmin()]
-    return in_order(np.ptp(frame @ corners.T, axis=1) * scale, frame)
+    return sort_edges(np.ptp(frame @ corners.T, axis=1) * scale, frame)
 
 
 def box_along(points: Float[np.ndarray, "m 3"], directions: Float[np.ndarray, "3 3"]) -> BoundingBox:
@@ -107,10 +107,10 @@ def box_along(points: Float[np.ndarray, "m 3"], directions: Float[np.ndarray, "3
             "The directions of a box are three orthogonal unit vectors as rows, shape (3, 3); "
             f"these, of shape {frame.shape}, are not."
         )
-    return in_order(np.ptp(frame @ points.T, axis=1), frame)
+    return sort_edges(np.ptp(frame @ points.T, axis=1), frame)
 
 
-def in_order(lengths: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "3 3"]) -> BoundingBox:
+def sort_edges(lengths: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "3 3"]) -> BoundingBox:
     """Return a box with its edges in ascending order and right-handed."""
     order = np.argsort(lengths, kind="stable")
     rows = directions[order]
@@ -157,7 +157,7 @@ def _heights(rows: Float[np.ndarray, "r 3"], corners: Float[np.ndarray, "m 3"]) 
     return heights
 
 
-def _within_reach(
+def _keep_reachable(
     corners: Float[np.ndarray, "m 3"], frames: Float[np.ndarray, "k 3 3"], angle: float
 ) -> Float[np.ndarray, "c 3"]:
     """Keep the corners that can touch a box once its frame has turned by at most this angle.
@@ -173,7 +173,7 @@ def _within_reach(
     return kept
 
 
-def _frames_of(corners: Float[np.ndarray, "m 3"], hull: ConvexHull) -> Float[np.ndarray, "k 3 3"]:
+def _suggest_frames(corners: Float[np.ndarray, "m 3"], hull: ConvexHull) -> Float[np.ndarray, "k 3 3"]:
     """Frames that the body itself suggests: principal axes, and its largest hull faces with their edges."""
     principal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2]
     triangles = hull.points[hull.simplices]
@@ -188,7 +188,7 @@ def _frames_of(corners: Float[np.ndarray, "m 3"], hull: ConvexHull) -> Float[np.
 
 
 @cache
-def starting_frames() -> Float[np.ndarray, "k 3 3"]:
+def spread_frames() -> Float[np.ndarray, "k 3 3"]:
     """Evenly spread rotations (super-Fibonacci spiral: Alexa, CVPR 2022)."""
     phi, psi = np.sqrt(2.0), 1.533751168755204288118041
     s = np.arange(_STARTS) + 0.5

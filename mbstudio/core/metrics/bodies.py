@@ -13,8 +13,8 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.crofton import corrected_crofton_area
 from mbstudio.core.metrics.mass import volume_integrals, voxel_integrals
-from mbstudio.core.metrics.surfaces import VerticesFaces, avatar_surface, checked_mesh, surface_area
-from mbstudio.core.metrics.voxel_surface import checked_grain, voxel_outline
+from mbstudio.core.metrics.surfaces import VerticesFaces, avatar_surface, check_mesh, surface_area
+from mbstudio.core.metrics.voxel_surface import check_grain, voxel_outline
 from mbstudio.core.threads import one_thread
 from mbstudio.core.units import parse_unit
 
@@ -63,7 +63,7 @@ class MeasuredBody:
 
 
 @one_thread()
-def measured_body(
+def prepare_measured_body(
     body: Grain | Avatar | trimesh.Trimesh, unit: str | None = None, surface: VoxelSurface | None = None
 ) -> MeasuredBody:
     """Return a grain, avatar or mesh as what factors are computed from.
@@ -86,10 +86,10 @@ def measured_body(
     if surface is not None and surface not in get_args(VoxelSurface):
         raise MeasureError(f"surface='{surface}' is not known: use 'crofton' or 'smoothed'.")
     if isinstance(body, Grain):
-        return _of_grain(body, surface or default_surface(body))
+        return _prepare_grain(body, surface or default_surface(body))
     if isinstance(body, Avatar):
-        return _of_avatar(body)
-    return _of_mesh(body, unit)
+        return _prepare_avatar(body)
+    return _prepare_mesh(body, unit)
 
 
 def default_surface(grain: Grain) -> VoxelSurface:
@@ -101,7 +101,7 @@ def default_surface(grain: Grain) -> VoxelSurface:
     return "smoothed" if grain.segmented else "crofton"
 
 
-def _of_avatar(avatar: Avatar) -> MeasuredBody:
+def _prepare_avatar(avatar: Avatar) -> MeasuredBody:
     nested = avatar_surface(avatar)
     origin = nested.fine[0].mean(axis=0)
     coarse, fine = (
@@ -114,8 +114,8 @@ def _of_avatar(avatar: Avatar) -> MeasuredBody:
     )
 
 
-def _of_grain(grain: Grain, surface: VoxelSurface) -> MeasuredBody:
-    warning = checked_grain(grain)
+def _prepare_grain(grain: Grain, surface: VoxelSurface) -> MeasuredBody:
+    warning = check_grain(grain)
     outline = voxel_outline(grain)
     if surface == "crofton":
         area, stated = corrected_crofton_area(grain.mask, grain.voxel_size), "crofton voxels"
@@ -126,8 +126,8 @@ def _of_grain(grain: Grain, surface: VoxelSurface) -> MeasuredBody:
     return MeasuredBody(grain.volume, area, outline, None, second, centre, grain.unit, stated, warning)
 
 
-def _of_mesh(mesh: trimesh.Trimesh, unit: str | None) -> MeasuredBody:
-    mesh = checked_mesh(mesh)
+def _prepare_mesh(mesh: trimesh.Trimesh, unit: str | None) -> MeasuredBody:
+    mesh = check_mesh(mesh)
     vertices, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
     carried = parse_unit(mesh.units) if mesh.units else None
     stated = carried or (parse_unit(unit) if unit else UNITLESS)

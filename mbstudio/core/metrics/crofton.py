@@ -65,7 +65,7 @@ def crofton_area(mask: Bool[np.ndarray, "Z Y X"], voxel_size: VoxelSize) -> floa
     """
     directions = _directions(voxel_size.zyx)
     runs, _ = _runs_and_gaps(mask, directions)
-    return _area_of(runs.sum(axis=1), directions, voxel_size)
+    return _sum_area(runs.sum(axis=1), directions, voxel_size)
 
 
 def corrected_crofton_area(mask: Bool[np.ndarray, "Z Y X"], voxel_size: VoxelSize) -> float:
@@ -88,7 +88,7 @@ def corrected_crofton_area(mask: Bool[np.ndarray, "Z Y X"], voxel_size: VoxelSiz
     runs, gaps = _runs_and_gaps(mask, directions)
     entries = runs.sum(axis=1) + (runs[:, :2] + gaps[:, :2]) @ np.array(_MISSED)
     volume = int(np.count_nonzero(mask)) * voxel_size.volume
-    chord = 4.0 * volume / _area_of(entries, directions, voxel_size)
+    chord = 4.0 * volume / _sum_area(entries, directions, voxel_size)
     fitting = [
         more for more in candidates[1:] if max(length for _, length, _ in more) * _STEPS_IN_CHORD <= chord
     ]
@@ -100,10 +100,10 @@ def corrected_crofton_area(mask: Bool[np.ndarray, "Z Y X"], voxel_size: VoxelSiz
     bias = 4.0 * sum(
         w * s for (_, _, w), s in zip(directions, _seen_shares(mask, voxel_size, directions), strict=True)
     )
-    return _area_of(entries, directions, voxel_size) / float(bias)
+    return _sum_area(entries, directions, voxel_size) / float(bias)
 
 
-def _area_of(entries: Float[np.ndarray, " d"], directions: list[Direction], voxel_size: VoxelSize) -> float:
+def _sum_area(entries: Float[np.ndarray, " d"], directions: list[Direction], voxel_size: VoxelSize) -> float:
     """Return the area that so many entries of lines along each direction stand for."""
     total = sum(w * n / length for (_, length, w), n in zip(directions, entries, strict=True))
     return float(4.0 * total * voxel_size.volume)

@@ -134,7 +134,7 @@ class SmoothedBody:
         return values
 
 
-def smoothed_body(
+def smooth_body(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], nominal_diameter: float
 ) -> SmoothedBody:
     """Bring a closed surface onto the grid.

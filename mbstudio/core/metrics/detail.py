@@ -11,11 +11,11 @@ from mbstudio.core import formulas
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.axes import convex_hull
-from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, measured_body
-from mbstudio.core.metrics.curvature import roughness, roundness, smoothed_body
+from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, prepare_measured_body
+from mbstudio.core.metrics.curvature import roughness, roundness, smooth_body
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.harmonics import band_energies
-from mbstudio.core.metrics.shape_factors import DetailedFactors, scaled_factors
+from mbstudio.core.metrics.shape_factors import DetailedFactors, scale_factors
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
 from mbstudio.core.threads import one_thread
@@ -42,11 +42,11 @@ def measure_detail(body: Grain | Avatar | trimesh.Trimesh, *, unit: str | None =
     MeshError, MeasureError
         As `measure`; also MeasureError for a thread too long for the grid of the curvature.
     """
-    found = detailed_factors(measured_body(body, unit, "smoothed"))
-    return found if unit is None or found.unit == UNITLESS else detail_in_unit(found, unit)
+    found = detailed_factors(prepare_measured_body(body, unit, "smoothed"))
+    return found if unit is None or found.unit == UNITLESS else convert_detail(found, unit)
 
 
-def detail_in_unit(measured: DetailedFactors, unit: str) -> DetailedFactors:
+def convert_detail(measured: DetailedFactors, unit: str) -> DetailedFactors:
     """Return the same factors with lengths in another unit."""
     unit = parse_unit(unit)
     f = conversion_factor(measured.unit, unit)
@@ -54,7 +54,7 @@ def detail_in_unit(measured: DetailedFactors, unit: str) -> DetailedFactors:
     u, v, w = measured.enclosing_centre
     return replace(
         measured,
-        **scaled_factors(measured, measured.unit, unit),
+        **scale_factors(measured, measured.unit, unit),
         inscribed_centre=(x * f, y * f, z * f),
         enclosing_centre=(u * f, v * f, w * f),
         unit=unit,
@@ -63,11 +63,11 @@ def detail_in_unit(measured: DetailedFactors, unit: str) -> DetailedFactors:
 
 @one_thread()
 def detailed_factors(body: MeasuredBody) -> DetailedFactors:
-    """Return the detailed factors of a body that :func:`measured_body` prepared."""
+    """Return the detailed factors of a body from :func:`prepare_measured_body`."""
     vertices, faces = body.outline
     hull = convex_hull(vertices)
     dn = formulas.nominal_diameter(body.volume)
-    smooth = smoothed_body(vertices, faces, dn)
+    smooth = smooth_body(vertices, faces, dn)
     inner = inscribed_sphere(vertices, faces, smooth.inside, smooth.edge, smooth.origin)
     outer = enclosing_sphere(hull.points[hull.vertices])
     feret_min, feret_mid, feret_max = (float(length) for length in feret_diameters(hull).lengths)

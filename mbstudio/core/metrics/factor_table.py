@@ -37,6 +37,8 @@ class Factor:
         In words, with a capital.
     meaning : str
         What it is, for a tool tip.
+    aliases : tuple of str
+        Further names that goals and conditions may call it by.
     symbol : str
         As in docs/shape-factors.md; empty where the field has none.
     formula : str
@@ -65,6 +67,7 @@ class Factor:
     name: str
     title: str
     meaning: str
+    aliases: tuple[str, ...] = ()
     symbol: str = ""
     formula: str = ""
     power: int = 0
@@ -242,24 +245,26 @@ FACTORS = FactorTable(
         formula="π Dₛ / P_p", highest=1.0, left_open=0.3,
     ),
     Factor(
-        name="csf", title=mark("Corey shape factor"), symbol="CSF", by_symbol=True, quick=True,
+        name="csf", aliases=("corey",), title=mark("Corey shape factor"), symbol="CSF", by_symbol=True,
+        quick=True,
         meaning=mark("Shortest axis over the geometric mean of the two others"),
         formula="c / √(a b)", derive=formulas.corey_shape_factor,
         axes="chosen", highest=1.0, left_open={"obb": 1.1, "feret": 0.9},
     ),
     Factor(
-        name="dn", title=mark("Nominal diameter"), symbol="Dₙ", power=1, quick=True,
+        name="dn", aliases=("d_n",), title=mark("Nominal diameter"), symbol="Dₙ", power=1, quick=True,
         meaning=mark("Diameter of the sphere of the same volume"),
         formula="(6V/π)^(1/3)", derive=formulas.nominal_diameter,
         voxels_only=("crofton", "smoothed"), left_open=0.02,
     ),
     Factor(
-        name="ds", title=mark("Projected diameter"), symbol="Dₛ", power=1, quick=True,
+        name="ds", aliases=("d_s",), title=mark("Projected diameter"), symbol="Dₛ", power=1, quick=True,
         meaning=mark("Diameter of the circle with the maximum projected area A_p"),
         formula="√(4 A_p/π)", left_open=0.2,
     ),
     Factor(
-        name="dns", title=mark("Diameter ratio"), symbol="Dₙ/Dₛ", by_symbol=True, quick=True,
+        name="dns", aliases=("d_ns",), title=mark("Diameter ratio"), symbol="Dₙ/Dₛ", by_symbol=True,
+        quick=True,
         meaning=mark("Nominal diameter over the diameter of the projected circle"),
         derive=formulas.diameter_ratio, left_open=0.15,
     ),

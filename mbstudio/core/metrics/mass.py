@@ -11,7 +11,7 @@ from jaxtyping import Float
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.metrics.surfaces import avatar_surface, checked_mesh
+from mbstudio.core.metrics.surfaces import avatar_surface, check_mesh
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, parse_unit
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def mass_properties(
         integrals, origin = voxel_integrals(body)
         length_unit = body.unit
     else:
-        mesh = checked_mesh(body)
+        mesh = check_mesh(body)
         vertices = np.asarray(mesh.vertices)
         origin = vertices.mean(axis=0)
         integrals = volume_integrals(vertices - origin, np.asarray(mesh.faces))

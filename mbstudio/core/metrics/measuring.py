@@ -17,15 +17,15 @@ from mbstudio.core.metrics.axes import (
     BoundingBox,
     box_along,
     convex_hull,
-    in_order,
     inertia_lengths,
     minimum_bounding_box,
+    sort_edges,
 )
-from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, VoxelSurface, measured_body
+from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, VoxelSurface, prepare_measured_body
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.projection import maximum_projection
-from mbstudio.core.metrics.shape_factors import ShapeFactors, scaled_factors
+from mbstudio.core.metrics.shape_factors import ShapeFactors, scale_factors
 from mbstudio.core.threads import one_thread
 from mbstudio.core.units import parse_unit
 
@@ -87,7 +87,7 @@ def measure(
         raise MeasureError(f"axes='{axes}' is not known: use 'obb', 'feret' or 'inertia'.")
     if along is not None and axes != "obb":
         raise MeasureError(f"along= is of boxes: it goes with axes='obb', not with axes='{axes}'.")
-    result = core_factors(measured_body(body, unit, surface), axes, along)
+    result = core_factors(prepare_measured_body(body, unit, surface), axes, along)
     return result if unit is None or result.unit == UNITLESS else in_unit(result, unit)
 
 
@@ -106,26 +106,26 @@ def bounding_box(
     MeshError, MeasureError
         As :func:`measure`.
     """
-    return smallest_box(measured_body(body, unit, surface))
+    return smallest_box(prepare_measured_body(body, unit, surface))
 
 
 @one_thread()
 def smallest_box(body: MeasuredBody) -> BoundingBox:
-    """Return the oriented bounding box of least volume of a body that :func:`measured_body` prepared."""
+    """Return the oriented box of least volume of a body from :func:`prepare_measured_body`."""
     return _box(body, convex_hull(body.outline[0]), None)
 
 
 def in_unit(measured: ShapeFactors, unit: str) -> ShapeFactors:
     """Return the same factors with lengths, area and volume in another unit."""
     unit = parse_unit(unit)
-    return replace(measured, **scaled_factors(measured, measured.unit, unit), unit=unit)
+    return replace(measured, **scale_factors(measured, measured.unit, unit), unit=unit)
 
 
 @one_thread()
 def core_factors(
     body: MeasuredBody, axes: AxisConvention = "obb", along: Float[np.ndarray, "3 3"] | None = None
 ) -> ShapeFactors:
-    """Return the shape factors of a body that :func:`measured_body` prepared."""
+    """Return the shape factors of a body from :func:`prepare_measured_body`."""
     hull = convex_hull(body.outline[0])
     shortest, intermediate, longest = (float(length) for length in _axis_lengths(body, hull, axes, along))
     coarser = hull if body.coarse is None else convex_hull(body.coarse[0])
@@ -165,4 +165,4 @@ def _box(body: MeasuredBody, hull: ConvexHull, along: Float[np.ndarray, "3 3"] |
     if body.coarse is None:
         return box
     coarser = np.ptp(body.coarse[0] @ box.directions.T, axis=0)
-    return in_order((4.0 * box.lengths - coarser) / 3.0, box.directions)
+    return sort_edges((4.0 * box.lengths - coarser) / 3.0, box.directions)

@@ -42,7 +42,7 @@ class GreyField:
     grain: Grain
 
 
-def field_of_mask(grain: Grain, step: float | None = None) -> GreyField:
+def make_mask_field(grain: Grain, step: float | None = None) -> GreyField:
     """Return the picture of a grain of which only the mask is known.
 
     It is the smoothed mask, at the level that keeps the volume.
@@ -58,7 +58,7 @@ def field_of_mask(grain: Grain, step: float | None = None) -> GreyField:
     return GreyField(values, level, _STEP if step is None else float(step), grain)
 
 
-def field_of_grey(
+def make_grey_field(
     grain: Grain, grey: Shaped[np.ndarray, "z y x"], threshold: float, step: float | None = None
 ) -> GreyField:
     """Return the picture of a grain from the scan's grey values around it.
@@ -112,27 +112,27 @@ def _with_margin(grain: Grain, grey: np.ndarray) -> tuple[Bool[np.ndarray, "z y 
     return np.pad(grain.mask, int(margin)), int(margin)
 
 
-def shifted_grains(field: GreyField) -> list[Grain]:
+def shift_grain(field: GreyField) -> list[Grain]:
     """Return the grain sampled again at four sub-voxel shifts (the same in every run)."""
     golden = 1.2207440846057596
     offsets = (np.outer(np.arange(1, SHIFTS + 1), golden ** -np.arange(1.0, 4.0)) + 0.5) % 1.0 - 0.5
     return [
-        _grain_of(field, ndimage.shift(field.values, offset, order=1, mode="nearest"), field.level)
+        _cut_grain(field, ndimage.shift(field.values, offset, order=1, mode="nearest"), field.level)
         for offset in offsets
     ]
 
 
-def threshold_grains(field: GreyField) -> list[Grain]:
+def move_threshold(field: GreyField) -> list[Grain]:
     """Return the grain at a threshold one step lower and one step higher."""
-    return [_grain_of(field, field.values, field.level + sign * field.step) for sign in (-1, 1)]
+    return [_cut_grain(field, field.values, field.level + sign * field.step) for sign in (-1, 1)]
 
 
-def blurred_grain(field: GreyField) -> Grain:
+def blur_grain(field: GreyField) -> Grain:
     """Return the grain as a scanner less sharp by half a voxel would show it."""
-    return _grain_of(field, ndimage.gaussian_filter(field.values, _BLUR), field.level)
+    return _cut_grain(field, ndimage.gaussian_filter(field.values, _BLUR), field.level)
 
 
-def _grain_of(field: GreyField, values: Float[np.ndarray, "Z Y X"], level: float) -> Grain:
+def _cut_grain(field: GreyField, values: Float[np.ndarray, "Z Y X"], level: float) -> Grain:
     """Return the largest piece above the level, with cavities filled as in any grain."""
     import cc3d
     import fill_voids

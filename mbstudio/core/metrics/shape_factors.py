@@ -152,7 +152,7 @@ CORE_FACTORS = FACTORS.core
 """Every number that a `ShapeFactors` has by itself, by name."""
 
 
-def scaled_factors(record: ShapeFactors | DetailedFactors, unit: str, other: str) -> dict[str, Any]:
+def scale_factors(record: ShapeFactors | DetailedFactors, unit: str, other: str) -> dict[str, Any]:
     """Return the lengths, areas and volumes of a record, which are in one unit, in another."""
     scale = conversion_factor(unit, other)
     return {

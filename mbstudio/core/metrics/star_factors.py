@@ -18,7 +18,7 @@ from numba import njit
 from mbstudio.core import formulas
 from mbstudio.core.metaball.field import field_and_gradient_at
 from mbstudio.core.metaball.rays import first_hits
-from mbstudio.core.metrics.axes import starting_frames
+from mbstudio.core.metrics.axes import spread_frames
 from mbstudio.core.metrics.sphere_directions import half_sphere, turns
 from mbstudio.core.metrics.surfaces import subdivide
 
@@ -58,16 +58,16 @@ def star_directions() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
     turned = np.linalg.det(vertices[faces]) < 0
     faces[turned] = faces[turned][:, ::-1]
     for _ in range(_SUBDIVISIONS):
-        vertices, faces = _refined(vertices, faces)
+        vertices, faces = _refine(vertices, faces)
     return vertices, faces
 
 
 @cache
 def _fine_star() -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"]]:
-    return _refined(*star_directions())
+    return _refine(*star_directions())
 
 
-def _refined(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _refine(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middles, split = subdivide(vertices, faces)
     return np.concatenate([vertices, middles / np.linalg.norm(middles, axis=1)[:, None]]), split
 
@@ -107,11 +107,11 @@ def star_factors(control: Float64[np.ndarray, "4 n"]) -> Float64[np.ndarray, " 1
         return np.full(len(STAR_FACTORS), np.nan)
     points = directions * radii[:, None]
     edges = np.concatenate([np.arange(len(points))[:, None].repeat(2, axis=1), _middle_parents()])
-    fine = _onto_surface(fine_directions, radii[edges].mean(axis=1), control)
+    fine = _project_to_surface(fine_directions, radii[edges].mean(axis=1), control)
     coarse_integrals, fine_integrals = _volume_and_area(points, faces), _volume_and_area(fine, fine_faces)
     volume, area = (4.0 * fine_integrals - coarse_integrals) / 3.0
     shortest, intermediate, longest = _box_lengths(points, fine)
-    shadow, perimeter = _largest_shadow(points)
+    shadow, perimeter = _largest_projection(points)
     if not (volume > 0 and area > 0 and shadow > 0):
         return np.full(len(STAR_FACTORS), np.nan)
     dn, ds = formulas.nominal_diameters(volume), formulas.projected_diameter(shadow)
@@ -132,7 +132,7 @@ def _middle_parents() -> Int[np.ndarray, "e 2"]:
     return np.stack(np.divmod(keys, len(vertices)), axis=1)
 
 
-def _onto_surface(directions: np.ndarray, radii: np.ndarray, control: np.ndarray) -> np.ndarray:
+def _project_to_surface(directions: np.ndarray, radii: np.ndarray, control: np.ndarray) -> np.ndarray:
     """Move points along their rays onto f = 1 by Newton steps on f**(-1/2), each at most a tenth."""
     for _ in range(_NEWTON_STEPS):
         value, gradient = field_and_gradient_at(directions * radii[:, None], control)
@@ -176,7 +176,7 @@ def _extents(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _turned(frame: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _turn_frame(frame: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return a frame turned by a rotation vector (Rodrigues)."""
     angle = np.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     x, y, z = turn[0] / angle, turn[1] / angle, turn[2] / angle
@@ -192,7 +192,7 @@ def _turned(frame: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _narrowed(
+def _narrow_box(
     points: np.ndarray, frame: np.ndarray, offsets: np.ndarray, angle: float, stages: int
 ) -> tuple[np.ndarray, float]:
     """Return a frame of a smaller box and its volume, found by ever smaller turns."""
@@ -201,7 +201,7 @@ def _narrowed(
     for _ in range(stages):
         base = frame
         for trial in range(len(offsets)):
-            turned = _turned(base, offsets[trial] * angle)
+            turned = _turn_frame(base, offsets[trial] * angle)
             edges = _extents(points, turned)
             product = edges[0] * edges[1] * edges[2]
             if product < volume:
@@ -221,17 +221,17 @@ def _least_box(points: np.ndarray, fine: np.ndarray, frames: np.ndarray, offsets
     found = np.empty((_FRAMES_KEPT, 3, 3))
     reached = np.empty(_FRAMES_KEPT)
     for place in range(_FRAMES_KEPT):
-        found[place], reached[place] = _narrowed(points, frames[order[place]], offsets, 0.2, _STAGES)
+        found[place], reached[place] = _narrow_box(points, frames[order[place]], offsets, 0.2, _STAGES)
     best, lengths = np.inf, np.empty(3)
     for place in np.argsort(reached)[:_FRAMES_CLOSELY]:
-        frame, volume = _narrowed(fine, found[place], offsets, 0.04, _STAGES)
+        frame, volume = _narrow_box(fine, found[place], offsets, 0.04, _STAGES)
         if volume < best:
             best, lengths = volume, _extents(fine, frame)
     return np.sort(lengths)
 
 
 def _box_lengths(points: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    frames = np.concatenate([np.eye(3)[None], starting_frames()[::4]])
+    frames = np.concatenate([np.eye(3)[None], spread_frames()[::4]])
     lengths: np.ndarray = _least_box(
         np.ascontiguousarray(points.T), np.ascontiguousarray(fine.T), frames, turns(_TRIALS)
     )
@@ -239,7 +239,7 @@ def _box_lengths(points: np.ndarray, fine: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _shadow(
+def _project_star(
     points: np.ndarray, edges: np.ndarray, direction: np.ndarray, rays: np.ndarray
 ) -> tuple[float, float]:
     """Return area and perimeter of a star-shaped body's projection: farthest edge along each azimuth."""
@@ -281,13 +281,13 @@ def _shadow(
 
 
 @njit(cache=True, nogil=True)
-def _climbed(
+def _climb_views(
     points: np.ndarray, edges: np.ndarray, views: np.ndarray, climbs: int, rays: np.ndarray
 ) -> tuple[float, float]:
     """Return area and perimeter of the largest projection found from the best views."""
     areas = np.empty(len(views))
     for v in range(len(views)):
-        areas[v], _ = _shadow(points, edges, views[v], rays)
+        areas[v], _ = _project_star(points, edges, views[v], rays)
     order = np.argsort(-areas)
     best, around = -1.0, 0.0
     for place in range(climbs):
@@ -302,13 +302,13 @@ def _climbed(
             for k in range(6):
                 trial = base + angle * (np.cos(k * np.pi / 3) * first + np.sin(k * np.pi / 3) * second)
                 trial /= np.sqrt((trial * trial).sum())
-                found, _ = _shadow(points, edges, trial, rays)
+                found, _ = _project_star(points, edges, trial, rays)
                 if found > area:
                     area, direction, improved = found, trial, True
             if not improved:
                 angle *= 0.5
         if area > best:
-            best, around = _shadow(points, edges, direction, rays)
+            best, around = _project_star(points, edges, direction, rays)
     return best, around
 
 
@@ -319,6 +319,6 @@ def _rays() -> np.ndarray:
     return np.stack([np.cos(turn), np.sin(turn)])
 
 
-def _largest_shadow(points: np.ndarray) -> tuple[float, float]:
-    found: tuple[float, float] = _climbed(points, _edges(), half_sphere(_VIEWS), _CLIMBS, _rays())
+def _largest_projection(points: np.ndarray) -> tuple[float, float]:
+    found: tuple[float, float] = _climb_views(points, _edges(), half_sphere(_VIEWS), _CLIMBS, _rays())
     return found

@@ -156,7 +156,7 @@ def surface_area(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def checked_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def check_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return a mesh that is one closed body seen from outside; a mesh turned inside out is turned back.
 
     Raises

@@ -17,11 +17,11 @@ from mbstudio.core.metrics.factor_table import FACTORS, Factor
 from mbstudio.core.metrics.measuring import AxisConvention, measure
 from mbstudio.core.metrics.perturbation import (
     GreyField,
-    blurred_grain,
-    field_of_grey,
-    field_of_mask,
-    shifted_grains,
-    threshold_grains,
+    blur_grain,
+    make_grey_field,
+    make_mask_field,
+    move_threshold,
+    shift_grain,
 )
 from mbstudio.core.metrics.shape_factors import DetailedFactors, ShapeFactors
 
@@ -106,12 +106,12 @@ def factor_intervals(
     found = measure(grain, unit=unit, axes=axes, surface=surface)
     extra = measure_detail(grain, unit=unit) if detail else None
     if grey is None or threshold is None:
-        field = field_of_mask(grain, step)
+        field = make_mask_field(grain, step)
     else:
-        field = field_of_grey(grain, grey, float(threshold), step)
+        field = make_grey_field(grain, grey, float(threshold), step)
 
     def numbers(copy: Grain) -> dict[str, float]:
-        return _numbers(
+        return _collect_factors(
             measure(copy, unit=unit, axes=axes, surface=surface),
             measure_detail(copy, unit=unit) if detail else None,
         )
@@ -119,7 +119,8 @@ def factor_intervals(
     copies = _Copies(numbers, field, surface, axes)
     voxel = max(grain.voxel_size.zyx) / grain.nominal_diameter
     intervals = {
-        name: copies.interval(FACTORS[name], value, voxel) for name, value in _numbers(found, extra).items()
+        name: copies.interval(FACTORS[name], value, voxel)
+        for name, value in _collect_factors(found, extra).items()
     }
     return FactorIntervals(found, extra, MappingProxyType(intervals), "mask" if grey is None else "grey")
 
@@ -135,9 +136,9 @@ class _Copies:
         axes: AxisConvention,
     ) -> None:
         self._surface, self._axes = surface, axes
-        self.shifted = [numbers(copy) for copy in shifted_grains(field)]
-        self.thresholds = [numbers(copy) for copy in threshold_grains(field)]
-        self.blurred = numbers(blurred_grain(field))
+        self.shifted = [numbers(copy) for copy in shift_grain(field)]
+        self.thresholds = [numbers(copy) for copy in move_threshold(field)]
+        self.blurred = numbers(blur_grain(field))
 
     def interval(self, factor: Factor, value: float, voxel: float) -> tuple[float, float]:
         """Return the interval of one factor (see `factor_intervals`); `voxel` is an edge over D_n."""
@@ -160,7 +161,7 @@ def _left_open(factor: Factor, axes: AxisConvention) -> float:
     return factor.left_open
 
 
-def _numbers(core: ShapeFactors, detailed: DetailedFactors | None) -> dict[str, float]:
+def _collect_factors(core: ShapeFactors, detailed: DetailedFactors | None) -> dict[str, float]:
     """Return the factors of one grain by name, without the bands."""
     known = vars(core) if detailed is None else vars(detailed) | vars(core)
     names = FACTORS.core if detailed is None else (*FACTORS.core, *FACTORS.detail)

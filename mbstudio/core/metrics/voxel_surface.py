@@ -19,7 +19,7 @@ _SMOOTHING_OF_BLOCKS = 0.6
 _THIN = 3
 
 
-def checked_grain(grain: Grain) -> str:
+def check_grain(grain: Grain) -> str:
     """Return what to mind about a grain's factors (empty if nothing).
 
     Raises
@@ -72,14 +72,14 @@ def voxel_outline(grain: Grain) -> VerticesFaces:
         In the frame and unit of the grain.
     """
     if max(grain.mask.shape) > _LARGE:
-        outline = _of_blocks(grain)
+        outline = _mesh_blocks(grain)
         if outline is not None:
             return outline
     mesh = grain.surface_mesh()
     return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
 
 
-def _of_blocks(grain: Grain) -> VerticesFaces | None:
+def _mesh_blocks(grain: Grain) -> VerticesFaces | None:
     """Return the surface of the block averages; None where they tear the grain apart."""
     from skimage.measure import marching_cubes
 

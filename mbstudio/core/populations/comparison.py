@@ -101,7 +101,7 @@ def relative_errors(reference: Population, other: Population, factor: str) -> di
         If unit or axes differ, a factor is not there, or a label stands twice in one population.
     """
     _require_alike(reference, other)
-    mine, theirs = (_by_label(population, factor) for population in (reference, other))
+    mine, theirs = (_map_by_label(population, factor) for population in (reference, other))
     with np.errstate(divide="ignore", invalid="ignore"):
         return {
             label: float(np.divide(theirs[label], value) - 1.0) if value else float("nan")
@@ -110,7 +110,7 @@ def relative_errors(reference: Population, other: Population, factor: str) -> di
         }
 
 
-def _by_label(population: Population, factor: str) -> dict[int, float]:
+def _map_by_label(population: Population, factor: str) -> dict[int, float]:
     column = population.column(factor)
     if len(set(population.labels.tolist())) < len(population):
         raise MeasureError(

@@ -72,7 +72,7 @@ def cumulative(values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]
     MeasureError
         If there are no values, one is not finite, or the weights are not weights.
     """
-    values, weights = _checked(values, weights)
+    values, weights = _check_values(values, weights)
     steps, place = np.unique(values, return_inverse=True)
     shares = np.cumsum(np.bincount(place, weights=weights))
     shares[-1] = 1.0
@@ -87,7 +87,7 @@ def moments(
     With n equal weights the variance is the sum of squares over n - 1; with others n is the effective number
     1 / sum(w**2). NaN for the standard deviation of one value.
     """
-    values, weights = _checked(values, weights)
+    values, weights = _check_values(values, weights)
     mean = float(weights @ values)
     rest = 1.0 - float(weights @ weights)
     if len(values) == 1 or rest < 1e-12:
@@ -114,7 +114,7 @@ def histogram(
     MeasureError
         As `cumulative`.
     """
-    values, weights = _checked(values, weights)
+    values, weights = _check_values(values, weights)
     chosen = bin_edges(values, weights) if edges is None else np.asarray(edges, dtype=float)
     heights, _ = np.histogram(values, chosen, weights=weights)
     return Density(chosen, heights / np.diff(chosen))
@@ -133,7 +133,7 @@ def bin_edges(
     Freedman & Diaconis (1981), On the histogram as a density estimator, Z. Wahrscheinlichkeitstheorie verw.
     Gebiete 57, 453-476.
     """
-    values, weights = _checked(values, weights)
+    values, weights = _check_values(values, weights)
     low, high = float(values.min()), float(values.max())
     span = high - low
     # Values that differ by less than rounding are one value.
@@ -165,7 +165,7 @@ def kernel_density(
     """
     from scipy.stats import gaussian_kde
 
-    values, weights = _checked(values, weights)
+    values, weights = _check_values(values, weights)
     low, high = float(values.min()), float(values.max())
     if high - low <= 1e-12 * max(abs(low), abs(high)):
         raise MeasureError("Values that are all equal have no density: show their number instead.")
@@ -175,7 +175,7 @@ def kernel_density(
     return Density(x, kernel(x))
 
 
-def _checked(
+def _check_values(
     values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"] | None
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     values = np.asarray(values, dtype=float)

@@ -56,9 +56,9 @@ class FormDiagram:
     @property
     def volume_shares(self) -> dict[str, float]:
         """Share of the volume in every class, of sum 1."""
-        of = np.array(self.classes, dtype=object)
+        classes = np.array(self.classes, dtype=object)
         total = float(self.volumes.sum())
-        return {name: float(self.volumes[of == name].sum()) / total for name in self.names}
+        return {name: float(self.volumes[classes == name].sum()) / total for name in self.names}
 
 
 def zingg_diagram(population: Population) -> FormDiagram:

@@ -16,7 +16,7 @@ from mbstudio.scene.figures.population_style import (
     marker_handles,
     plain_axes,
     scatter,
-    with_bodies,
+    select_measured,
 )
 from mbstudio.scene.pictures.figures import DPI
 from mbstudio.scene.theme import LIGHT, SceneTheme
@@ -39,7 +39,7 @@ def zingg_figure(populations: Sequence[Population], *, theme: SceneTheme = LIGHT
     """
     from matplotlib.figure import Figure
 
-    shown = with_bodies(populations)
+    shown = select_measured(populations)
     figure = Figure(figsize=(6.4, 6.2), dpi=DPI, facecolor="white", layout="constrained")
     axes = figure.subplots()
     plain_axes(axes, theme)
@@ -76,7 +76,7 @@ def sneed_folk_figure(populations: Sequence[Population], *, theme: SceneTheme = 
     from matplotlib import patheffects
     from matplotlib.figure import Figure
 
-    shown = with_bodies(populations)
+    shown = select_measured(populations)
     figure = Figure(figsize=(7.2, 6.4), dpi=DPI, facecolor="white", layout="constrained")
     axes = figure.subplots()
     axes.set_axis_off()

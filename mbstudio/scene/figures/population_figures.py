@@ -30,7 +30,7 @@ from mbstudio.scene.figures.population_style import (
     plain_axes,
     readable_scale,
     scatter,
-    with_bodies,
+    select_measured,
 )
 from mbstudio.scene.pictures.figures import DPI
 from mbstudio.scene.theme import LIGHT, SceneTheme
@@ -75,7 +75,7 @@ def cdf_figure(
     MeasureError
         If no body of any population could be measured, or the populations were measured differently.
     """
-    return _distributions(populations, factors, by, theme, "cdf")
+    return _distributions_figure(populations, factors, by, theme, "cdf")
 
 
 def pdf_figure(
@@ -90,7 +90,7 @@ def pdf_figure(
     Parameters, result and errors are those of `cdf_figure`. The bins are those of the reference, widened to
     hold all values.
     """
-    return _distributions(populations, factors, by, theme, "pdf")
+    return _distributions_figure(populations, factors, by, theme, "pdf")
 
 
 def distribution_figure(
@@ -106,7 +106,7 @@ def distribution_figure(
     """
     from matplotlib.figure import Figure
 
-    shown = with_bodies(populations)
+    shown = select_measured(populations)
     errors = [compare(shown[0], other, [factor], by=by).get(factor) for other in shown[1:]]
     scale, unit = readable_scale(shown, factor)
     figure = Figure(figsize=(9.6, 4), dpi=DPI, facecolor="white", layout="constrained")
@@ -121,7 +121,7 @@ def distribution_figure(
     return figure
 
 
-def _distributions(
+def _distributions_figure(
     populations: Sequence[Population],
     factors: Sequence[str],
     by: Weighting,
@@ -130,7 +130,7 @@ def _distributions(
 ) -> Figure:
     from matplotlib.figure import Figure
 
-    shown = with_bodies(populations)
+    shown = select_measured(populations)
     errors = [compare(shown[0], other, factors, by=by) for other in shown[1:]]
     columns = min(3, len(factors))
     rows = -(-len(factors) // columns)
@@ -208,10 +208,10 @@ def shared_edges(
         return np.zeros(0)
     everything = scale * np.concatenate([population.values(factor) for population in given])
     own = bin_edges(scale * given[0].values(factor), given[0].weights(factor, by))
-    return _widened(own, everything)
+    return _widen_edges(own, everything)
 
 
-def _widened(edges: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _widen_edges(edges: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the edges, with as many more of the same width as hold all values."""
     width = edges[1] - edges[0]
     before = int(np.ceil(max(0.0, edges[0] - values.min()) / width))
@@ -250,7 +250,7 @@ def joint_figure(
 ) -> Figure:
     """Draw every factor against every other, and each one's density on the diagonal.
 
-    Of very large populations every so-manieth body is drawn.
+    Of a very large population only every k-th body is drawn.
 
     Raises
     ------
@@ -259,7 +259,7 @@ def joint_figure(
     """
     from matplotlib.figure import Figure
 
-    shown = with_bodies(populations)
+    shown = select_measured(populations)
     count = len(factors)
     scales = {name: readable_scale(shown, name) for name in factors}
     headings = [FACTORS[name].heading(scales[name][1]) for name in factors]

@@ -29,7 +29,7 @@ def colour_of(population: Population, theme: SceneTheme) -> str:
     return {"grains": theme.grain, "avatars": theme.avatar, "clones": theme.points}[population.kind]
 
 
-def with_bodies(populations: Sequence[Population]) -> list[Population]:
+def select_measured(populations: Sequence[Population]) -> list[Population]:
     """Return the populations of which something could be measured; MeasureError if there is none."""
     shown = [population for population in populations if population.measured.any()]
     if not shown:

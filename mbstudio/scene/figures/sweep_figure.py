@@ -93,8 +93,8 @@ def sweep_figure(rows: Sequence[SweepRow]) -> Figure:
     for index, (axes, panel) in enumerate(zip(figure.subplots(2, 4).flat, _panels(), strict=True)):
         _draw(axes, panel, drawn)
         axes.set_title(f"({'abcdefgh'[index]}) {panel.title}", fontsize=11, loc="left")
-    told = "1 grain" if grains == 1 else f"{grains} grains: medians, bands from quartile to quartile"
-    figure.suptitle(f"Avatars against their number of control points, {told}", fontsize=13)
+    sample = "1 grain" if grains == 1 else f"{grains} grains: medians, bands from quartile to quartile"
+    figure.suptitle(f"Avatars against their number of control points, {sample}", fontsize=13)
     return figure
 
 

@@ -15,7 +15,7 @@ from mbstudio.core.vae.generate.generation import Generation
 from mbstudio.core.vae.generate.quality import Floor, Quality
 from mbstudio.scene.figures.form_figures import zingg_figure
 from mbstudio.scene.figures.population_figures import cdf_figure, joint_figure, pdf_figure, sieve_figure
-from mbstudio.scene.figures.population_style import readable_scale, with_bodies
+from mbstudio.scene.figures.population_style import readable_scale, select_measured
 from mbstudio.scene.reports.report_page import facts, heading, page, paragraph, picture, table
 
 _ERRORS = (
@@ -66,13 +66,13 @@ def write_generation_report(
     """
     report = progress or (lambda _share, _message: None)
     assert generation.factors is not None
-    shown = with_bodies([parents, generation.factors])
-    parts = [heading("How they were made"), facts(_made(generation, quality))]
+    shown = select_measured([parents, generation.factors])
+    parts = [heading("How they were made"), facts(_describe_making(generation, quality))]
     if generation.reached:
-        parts += [heading("What was asked for"), _asked(generation)]
+        parts += [heading("What was asked for"), _list_conditions(generation)]
     parts += quality_section(quality, shown)
     report(0.2, "tables")
-    parts += [heading("Figures"), *_figures(shown, report)]
+    parts += [heading("Figures"), *_draw_figures(shown, report)]
     lead = f"{quality.clones} clones of {quality.parents} parents · mbstudio {mbstudio.__version__}"
     with replacing(path) as temporary:
         temporary.write_text(page(f"Clones in the style of {name}", lead, parts), encoding="utf-8")
@@ -88,10 +88,10 @@ def quality_section(quality: Quality, shown: list[Population]) -> list[str]:
         moments = (scale * value for value in (*row.means, *row.deviations))
         rows.append([
             FACTORS[row.factor].heading(unit), *map(_number, moments),
-            f"{row.mean_error:.2f}", _floor(row.floor, "mean_error", 2),
-            f"{row.deviation_error:.2f}", _floor(row.floor, "deviation_error", 2),
-            f"{row.ks:.3f}", _floor(row.floor, "ks", 3),
-            f"{row.wasserstein:.3f}", _floor(row.floor, "wasserstein", 3),
+            f"{row.mean_error:.2f}", _floor_words(row.floor, "mean_error", 2),
+            f"{row.deviation_error:.2f}", _floor_words(row.floor, "deviation_error", 2),
+            f"{row.ks:.3f}", _floor_words(row.floor, "ks", 3),
+            f"{row.wasserstein:.3f}", _floor_words(row.floor, "wasserstein", 3),
         ])  # fmt: skip
     columns = (
         "Clones against parents", "mean, parents", "mean, clones", "s.d., parents", "s.d., clones",
@@ -100,12 +100,12 @@ def quality_section(quality: Quality, shown: list[Population]) -> list[str]:
     return [
         heading("Errors of the factors"), table(columns, rows), paragraph(_ERRORS),
         paragraph(f"The figures of true grains come from {quality.floor}."),
-        heading("Correlations of the factors"), _correlations(quality),
-        heading("How new they are"), facts(_novelty(quality)), paragraph(_NEW),
+        heading("Correlations of the factors"), _correlation_table(quality),
+        heading("How new they are"), facts(_describe_novelty(quality)), paragraph(_NEW),
     ]  # fmt: skip
 
 
-def _made(generation: Generation, quality: Quality) -> dict[str, str]:
+def _describe_making(generation: Generation, quality: Quality) -> dict[str, str]:
     counts = generation.counts
     refused = ", ".join(f"{number} {reason}" for reason, number in counts.refused.items() if number)
     return {
@@ -121,7 +121,7 @@ def _made(generation: Generation, quality: Quality) -> dict[str, str]:
     }
 
 
-def _asked(generation: Generation) -> str:
+def _list_conditions(generation: Generation) -> str:
     rows = [
         [figure.what, _number(figure.wanted), _number(figure.found), "yes" if figure.met else "no"]
         for figure in generation.reached
@@ -129,7 +129,7 @@ def _asked(generation: Generation) -> str:
     return table(("", "wanted", "found", "within the tolerance"), rows)
 
 
-def _correlations(quality: Quality) -> str:
+def _correlation_table(quality: Quality) -> str:
     rows = [
         [f"{FACTORS[a].title}, {FACTORS[b].title.lower()}", f"{x:.3f}", f"{y:.3f}", f"{y - x:+.3f}"]
         for a, b, x, y in quality.correlations
@@ -140,7 +140,7 @@ def _correlations(quality: Quality) -> str:
     return table(("Two factors", "parents", "clones", "difference"), rows)
 
 
-def _novelty(quality: Quality) -> dict[str, str]:
+def _describe_novelty(quality: Quality) -> dict[str, str]:
     new, told = quality.novelty, quality.discrimination
     known = {
         "Novelty": f"{new.novelty:.2f}",
@@ -155,7 +155,7 @@ def _novelty(quality: Quality) -> dict[str, str]:
     return known
 
 
-def _figures(shown: list[Population], report: Callable[[float, str], None]) -> list[str]:
+def _draw_figures(shown: list[Population], report: Callable[[float, str], None]) -> list[str]:
     parts = [
         picture(
             cdf_figure(shown),
@@ -174,7 +174,7 @@ def _figures(shown: list[Population], report: Callable[[float, str], None]) -> l
     return parts
 
 
-def _floor(floor: Floor, name: str, digits: int) -> str:
+def _floor_words(floor: Floor, name: str, digits: int) -> str:
     low, high = getattr(floor, name)
     return f"{low:.{digits}f} ({high:.{digits}f})"
 

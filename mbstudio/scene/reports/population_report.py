@@ -26,7 +26,7 @@ from mbstudio.core.replacement import replacing
 from mbstudio.core.units import unit_label
 from mbstudio.scene.figures.form_figures import sneed_folk_figure, zingg_figure
 from mbstudio.scene.figures.population_figures import cdf_figure, joint_figure, pdf_figure, sieve_figure
-from mbstudio.scene.figures.population_style import readable_scale, with_bodies
+from mbstudio.scene.figures.population_style import readable_scale, select_measured
 from mbstudio.scene.reports.report_page import facts, heading, page, paragraph, picture, table
 
 if TYPE_CHECKING:
@@ -84,31 +84,31 @@ def write_report(
     """
     report = progress or (lambda _share, _message: None)
     both = [populations.grains] + ([populations.avatars] if populations.avatars is not None else [])
-    shown = with_bodies(both)
+    shown = select_measured(both)
     name = project.path.name if project.path is not None else "unsaved project"
-    parts = [heading("What was measured"), facts(_measured(project, populations))]
+    parts = [heading("What was measured"), facts(_describe_measuring(project, populations))]
     parts += [heading("Shape factors"), *_factor_tables(populations)]
-    parts += [heading("Particle size"), *_sizes(shown, sieves), heading("Form"), *_forms(shown)]
+    parts += [heading("Particle size"), *_size_tables(shown, sieves), heading("Form"), *_form_table(shown)]
     report(0.1, "tables")
-    for place, part in enumerate(_figures(shown, sieves)):
+    for place, part in enumerate(_draw_figures(shown, sieves)):
         parts.append(part)
         report(0.1 + 0.14 * (place + 1), "figures")
-    parts += _troubles(project, populations)
-    lead = f"Shape and size of {_bodies(populations)} · mbstudio {mbstudio.__version__}"
+    parts += _list_troubles(project, populations)
+    lead = f"Shape and size of {_count_bodies(populations)} · mbstudio {mbstudio.__version__}"
     with replacing(path) as temporary:
         temporary.write_text(page(f"Report on {name}", lead, parts), encoding="utf-8")
     report(1.0, "written")
     return path
 
 
-def _bodies(populations: ProjectPopulations) -> str:
+def _count_bodies(populations: ProjectPopulations) -> str:
     words = f"{int(populations.grains.measured.sum())} grains"
     if populations.avatars is not None:
         words += f" and {int(populations.avatars.measured.sum())} avatars"
     return words
 
 
-def _measured(project: Project, populations: ProjectPopulations) -> dict[str, str]:
+def _describe_measuring(project: Project, populations: ProjectPopulations) -> dict[str, str]:
     grains, avatars = populations.grains, populations.avatars
     assert project.grains is not None
     border = set(project.grains.table.loc[project.grains.table["touches_border"], "label"].tolist())
@@ -129,7 +129,7 @@ def _measured(project: Project, populations: ProjectPopulations) -> dict[str, st
     surfaces = {word for p in (grains, avatars) if p is not None for word in p.surface.split(", ") if word}
     return {
         **known,
-        "Axes a ≥ b ≥ c": _sentence_part(AXES[grains.axes].meaning),
+        "Axes a ≥ b ≥ c": _lower_first(AXES[grains.axes].meaning),
         "Surface area": "; ".join(_SURFACES[surface] for surface in sorted(surfaces, reverse=True)),
         "Unit of length": unit_label(grains.unit),
         "Weighting": "by number of bodies, unless 'by mass' is said (volume at one density)",
@@ -139,7 +139,7 @@ def _measured(project: Project, populations: ProjectPopulations) -> dict[str, st
 
 def _factor_tables(populations: ProjectPopulations) -> list[str]:
     grains, avatars = populations.grains, populations.avatars
-    parts = [_statistics(population) for population in with_bodies([grains])]
+    parts = [_statistics_table(population) for population in select_measured([grains])]
     if avatars is None:
         return parts
     if not (grains.measured.any() and avatars.measured.any()):
@@ -148,7 +148,7 @@ def _factor_tables(populations: ProjectPopulations) -> list[str]:
     for name, found in compare(grains, avatars).items():
         single = relative_errors(grains, avatars, name).values()
         errors = [abs(error) for error in single if np.isfinite(error)]
-        rows.append(_compared(found, errors, *readable_scale([grains], name)))
+        rows.append(_comparison_row(found, errors, *readable_scale([grains], name)))
     columns = (
         "Avatars against grains", "mean, grains", "mean, avatars", "s.d., grains", "s.d., avatars",
         "δ mean (%)", "δ s.d. (%)", "each, median |δ| (%)", "K-S D", "p", "Wasserstein",
@@ -156,7 +156,7 @@ def _factor_tables(populations: ProjectPopulations) -> list[str]:
     return [*parts, table(columns, rows), paragraph(_DISTANCES)]
 
 
-def _statistics(population: Population) -> str:
+def _statistics_table(population: Population) -> str:
     rows = []
     for name in population.factors:
         scale, unit = readable_scale([population], name)
@@ -180,7 +180,7 @@ def _statistics(population: Population) -> str:
     return table(columns, rows)
 
 
-def _compared(found: FactorComparison, errors: list[float], scale: float, unit: str) -> list[str]:
+def _comparison_row(found: FactorComparison, errors: list[float], scale: float, unit: str) -> list[str]:
     moved = (scale * value for value in (*found.means, *found.deviations))
     return [
         FACTORS[found.factor].heading(unit),
@@ -193,7 +193,7 @@ def _compared(found: FactorComparison, errors: list[float], scale: float, unit: 
     ]
 
 
-def _sizes(shown: list[Population], sieves: SieveSeries) -> list[str]:
+def _size_tables(shown: list[Population], sieves: SieveSeries) -> list[str]:
     unit = unit_label(shown[0].unit)
     rows = []
     for population in shown:
@@ -208,7 +208,7 @@ def _sizes(shown: list[Population], sieves: SieveSeries) -> list[str]:
     ]
 
 
-def _forms(shown: list[Population]) -> list[str]:
+def _form_table(shown: list[Population]) -> list[str]:
     rows = []
     for population in shown:
         diagram = zingg_diagram(population)
@@ -218,7 +218,7 @@ def _forms(shown: list[Population]) -> list[str]:
     return [table(["Zingg: bodies (share of mass)", "disc", "equant", "blade", "rod"], rows)]
 
 
-def _figures(shown: list[Population], sieves: SieveSeries) -> Iterator[str]:
+def _draw_figures(shown: list[Population], sieves: SieveSeries) -> Iterator[str]:
     curves = [(population, size_distribution(population, sieves)) for population in shown]
     against = " In the legends: relative errors of mean and standard deviation." if len(shown) > 1 else ""
     yield heading("Figures") + picture(
@@ -235,7 +235,7 @@ def _figures(shown: list[Population], sieves: SieveSeries) -> Iterator[str]:
     yield picture(joint_figure(shown), "Pairs of factors; on the diagonal their densities.")
 
 
-def _troubles(project: Project, populations: ProjectPopulations) -> list[str]:
+def _list_troubles(project: Project, populations: ProjectPopulations) -> list[str]:
     grains, avatars = populations.grains, populations.avatars
     parts = [heading("Avatars that are not valid")]
     invalid = []
@@ -264,7 +264,7 @@ def _troubles(project: Project, populations: ProjectPopulations) -> list[str]:
     return parts
 
 
-def _sentence_part(words: str) -> str:
+def _lower_first(words: str) -> str:
     return words[0].lower() + words[1:]
 
 

@@ -70,15 +70,15 @@ def test_a_row_tells_of_the_fit_and_the_factors(grains: list[Grain], rows: list[
 
 def test_a_grain_is_measured_once(grains: list[Grain], monkeypatch) -> None:
     measured: list[object] = []
-    measured_body = bodies.measured_body
+    prepare_measured_body = bodies.prepare_measured_body
 
     def counting(body, *options):
         measured.append(body)
-        return measured_body(body, *options)
+        return prepare_measured_body(body, *options)
 
     # One for grains, whose outline serves their factors and their box, and one for avatars.
-    monkeypatch.setattr(bodies, "measured_body", counting)
-    monkeypatch.setattr(measuring, "measured_body", counting)
+    monkeypatch.setattr(bodies, "prepare_measured_body", counting)
+    monkeypatch.setattr(measuring, "prepare_measured_body", counting)
     list(Sweep(grains[1:], [2, 3, 4], **QUICK))
     assert sum(isinstance(body, Grain) for body in measured) == 1
     assert len(measured) == 4

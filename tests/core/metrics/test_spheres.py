@@ -10,14 +10,14 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbstudio.core.metrics.curvature import smoothed_body
+from mbstudio.core.metrics.curvature import smooth_body
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from tests.core.metrics.solids import turned
 
 
 def inner(mesh):
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    grid = smoothed_body(vertices, faces, (6 * mesh.volume / math.pi) ** (1 / 3))
+    grid = smooth_body(vertices, faces, (6 * mesh.volume / math.pi) ** (1 / 3))
     return inscribed_sphere(vertices, faces, grid.inside, grid.edge, grid.origin)
 
 

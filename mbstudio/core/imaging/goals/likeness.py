@@ -38,9 +38,9 @@ class Likeness:
 
     @cached_property
     def _measured(self) -> MeasuredBody:
-        from mbstudio.core.metrics.bodies import measured_body
+        from mbstudio.core.metrics.bodies import prepare_measured_body
 
-        return measured_body(self.grain)
+        return prepare_measured_body(self.grain)
 
     @cached_property
     def factors(self) -> ShapeFactors:

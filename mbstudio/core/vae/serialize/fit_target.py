@@ -15,7 +15,7 @@ from mbstudio.core.grains.voxelisation import voxelise
 from mbstudio.core.imaging.hull import along_curve
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.metrics.surfaces import checked_mesh, surface_area
+from mbstudio.core.metrics.surfaces import check_mesh, surface_area
 from mbstudio.core.units import VoxelSize
 from mbstudio.core.vae.serialize.frame import PrincipalFrame, principal_frame
 
@@ -53,7 +53,7 @@ def prepare_body(
             mesh = body.mesh(cells=_MESH_CELLS)
             mesh.units = body.unit
         else:
-            mesh = checked_mesh(_merge_corners(body))
+            mesh = check_mesh(_merge_corners(body))
         frame = principal_frame(mesh, unit=unit, name=name)
         return prepare_mesh(mesh, frame, seed), frame
     except MbstudioError as error:
