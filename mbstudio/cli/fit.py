@@ -127,13 +127,13 @@ def fit(
 ) -> None:
     """Run ``mbstudio fit``; `HELP` says what it does."""
     from mbstudio.core.grains import Grain
-    from mbstudio.core.imaging.goals.target import FitTarget
+    from mbstudio.core.imaging.goals.fit_goal import FitGoal
     from mbstudio.core.imaging.options import read_options
     from mbstudio.core.project import FitSettings, Project
 
     begun = time.monotonic()
     options = read_options(method, [f"cavities={cavities}", *(option or ())])  # type: ignore[arg-type]
-    aims = str(FitTarget.parse(target)) if target is not None else ""
+    aims = str(FitGoal.parse(target)) if target is not None else ""
     output = _choose_output(source, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold)
     if inputs.is_mesh(source):
@@ -292,7 +292,7 @@ def summarise(
 ) -> dict[str, Any]:
     """Return the figures of a batch: how many, how true, how long."""
     from mbstudio.core.formulas import nominal_diameter
-    from mbstudio.core.imaging.goals.target import FitTarget
+    from mbstudio.core.imaging.goals.fit_goal import FitGoal
 
     volume_of = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
     diameters = [nominal_diameter(volume_of[label]) for label in fits]
@@ -300,7 +300,7 @@ def summarise(
     rms = [verdict.rms / diameter for verdict, diameter in zip(verdicts, diameters, strict=True)]
     aimed = [result for result in fits.values() if result.target]
     of_target = {
-        "reached_target": sum(FitTarget.parse(result.target).is_met(result.reached) for result in aimed),
+        "reached_target": sum(FitGoal.parse(result.target).is_met(result.reached) for result in aimed),
         "median_control_points": _median([result.n for result in aimed]),
     }
     return {

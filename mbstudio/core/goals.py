@@ -3,7 +3,7 @@
 A goal is a sentence such as ``"volume 0.5 % and hausdorff 2 % and n 120"``: measures with their limits, and
 ``n``, the greatest number of parts (control points of an avatar, spheres of a clump). :class:`Goal` reads and
 judges it; whoever has goals of its own says in a :class:`Grammar` what they may name. What clones are to be
-like (:mod:`mbstudio.core.vae.generate.targets`) names factors by the same rules.
+like (:mod:`mbstudio.core.vae.generate.conditions`) names factors by the same rules.
 """
 
 from __future__ import annotations

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from mbstudio.core.dem import ClumpTarget
+from mbstudio.core.dem import ClumpGoal
 from mbstudio.core.errors import ExportError, FitError, MbstudioError
 from mbstudio.core.goals import Goal, SmallestNumber, spell_measure, split_sentence
-from mbstudio.core.imaging import FitTarget
-from mbstudio.core.vae.generate.targets import parse_targets
+from mbstudio.core.imaging import FitGoal
+from mbstudio.core.vae.generate.conditions import parse_conditions
 
-KINDS: dict[type[Goal], type[MbstudioError]] = {FitTarget: FitError, ClumpTarget: ExportError}
+KINDS: dict[type[Goal], type[MbstudioError]] = {FitGoal: FitError, ClumpGoal: ExportError}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -52,7 +52,7 @@ def test_both_kinds_refuse_alike(
 
 
 def test_values_are_described_and_judged() -> None:
-    goal = FitTarget.parse("volume 1 % and iou 0.9")
+    goal = FitGoal.parse("volume 1 % and iou 0.9")
     values = {"volume": -0.02, "iou": 0.95}
     assert goal.describe(values) == "volume 2 %, iou 0.9500"
     assert goal.describe(values, only_missed=True) == "volume 2 %"
@@ -66,8 +66,8 @@ def test_factors_have_one_spelling() -> None:
         "sneed_folk", "dn", "csf", "csf", "sneed_folk",
     ]  # fmt: skip
     assert split_sentence("a 1 and b 2; sand 3") == ["a 1", "b 2", "sand 3"]
-    same = parse_targets(["Corey=0.7; D_n=1..2 and D50=1"], "mm")
-    assert same == parse_targets(["csf=0.7", "dn=1..2", "D50=1"], "mm")
+    same = parse_conditions(["Corey=0.7; D_n=1..2 and D50=1"], "mm")
+    assert same == parse_conditions(["csf=0.7", "dn=1..2", "D50=1"], "mm")
 
 
 def test_numbers_begin_at_the_fewest() -> None:

@@ -16,7 +16,7 @@ from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.errors import FitError, MbstudioError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
-from mbstudio.core.imaging.goals.target import FitTarget
+from mbstudio.core.imaging.goals.fit_goal import FitGoal
 from mbstudio.core.imaging.steps import FitResult, Method
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.validity import Verdict
@@ -55,7 +55,7 @@ def fit_many(
     seed: int = 0,
     workers: int | None = None,
     options: Mapping[str, Any] | None = None,
-    target: str | FitTarget | None = None,
+    target: str | FitGoal | None = None,
 ) -> Iterator[BatchItem]:
     """Fit many grains; yield each as it is done.
 
@@ -73,7 +73,7 @@ def fit_many(
         Processes, each on one core; all usable cores by default. 0 fits in the calling thread.
     options : mapping, optional
         Options of the method.
-    target : str or FitTarget, optional
+    target : str or FitGoal, optional
         What each avatar is to reach with as few control points as may be, instead of `n`.
 
     Yields
@@ -96,7 +96,7 @@ def fit_many(
         names = [place if grain.label is None else grain.label for place, grain in enumerate(grains)]
         chosen = names if labels is None else [int(label) for label in labels]
         source = _ByLabel(dict(zip(names, grains, strict=True)))
-    aims = str(FitTarget.parse(target)) if target else ""
+    aims = str(FitGoal.parse(target)) if target else ""
     _check(n, method, settings)
     if workers is None:
         workers = usable_cores()

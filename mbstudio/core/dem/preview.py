@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstudio.core.dem.body import DemBody
-from mbstudio.core.dem.formats.clump_files import CLUMP_TARGET
+from mbstudio.core.dem.formats.clump_files import CLUMP_GOAL
 from mbstudio.core.dem.formats.meshes import describe_mesh
 from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
-from mbstudio.core.dem.shapes.clump_target import clump_for_target
+from mbstudio.core.dem.shapes.clump_goal import clump_for_target
 from mbstudio.core.dem.shapes.level_set import LevelSet, level_set
 from mbstudio.core.dem.shapes.mesh_target import BodyMesh, mesh_of
 from mbstudio.core.dem.target import Geometry, Progress, complete_options, find_target
@@ -94,8 +94,8 @@ def preview(
 
 def _clump(body: DemBody, given: Mapping[str, Any], progress: Progress | None) -> ExportPreview:
     warning = ""
-    if given[CLUMP_TARGET]:
-        found = clump_for_target(body.avatar, given[CLUMP_TARGET], progress=progress)
+    if given[CLUMP_GOAL]:
+        found = clump_for_target(body.avatar, given[CLUMP_GOAL], progress=progress)
         clump, warning = found.clump, found.warning
     else:
         clump = sphere_clump(body.avatar, int(given["spheres"]))

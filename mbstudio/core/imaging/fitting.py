@@ -10,7 +10,7 @@ from mbstudio.core.imaging.options import make_options
 from mbstudio.core.imaging.steps import FitResult, FitRun, Method, SearchStep
 
 if TYPE_CHECKING:
-    from mbstudio.core.imaging.goals.target import FitTarget
+    from mbstudio.core.imaging.goals.fit_goal import FitGoal
     from mbstudio.core.imaging.run import StepRun
 
 
@@ -20,7 +20,7 @@ def start_fit(
     method: Method = "fast",
     seed: int = 0,
     *,
-    target: str | FitTarget | None = None,
+    target: str | FitGoal | None = None,
     **options: Any,
 ) -> FitRun:
     """Return the step object of a fit; nothing is computed before its first step.
@@ -34,9 +34,9 @@ def start_fit(
         Guarded Levenberg-Marquardt, or Algorithms 1 and 2 of Zhao et al. (2023).
     seed : int
         Of everything random; the same seed gives the same avatar.
-    target : str or FitTarget, optional
+    target : str or FitGoal, optional
         What the avatar is to reach, such as ``"volume 0.5 % and hausdorff 2 %"``, with as few control points
-        as may be; see :meth:`~mbstudio.core.imaging.goals.target.FitTarget.parse`.
+        as may be; see :meth:`~mbstudio.core.imaging.goals.fit_goal.FitGoal.parse`.
     **options
         Of :class:`~mbstudio.core.imaging.fast.fast.FastOptions` or
         :class:`~mbstudio.core.imaging.paper.gradient_search.PaperOptions`.
@@ -50,12 +50,10 @@ def start_fit(
     chosen = make_options(method, options)
     if not target:
         return _run_of(grain, n, method, seed, chosen)
-    from mbstudio.core.imaging.goals.target import FitTarget
-    from mbstudio.core.imaging.goals.target_fit import TargetFit
+    from mbstudio.core.imaging.goals.fit_goal import FitGoal
+    from mbstudio.core.imaging.goals.goal_fit import GoalFit
 
-    return TargetFit(
-        grain, FitTarget.parse(target), lambda number: _run_of(grain, number, method, seed, chosen)
-    )
+    return GoalFit(grain, FitGoal.parse(target), lambda number: _run_of(grain, number, method, seed, chosen))
 
 
 def _run_of(grain: Grain, n: int, method: Method, seed: int, chosen: Any) -> StepRun:
@@ -74,7 +72,7 @@ def fit(
     method: Method = "fast",
     seed: int = 0,
     *,
-    target: str | FitTarget | None = None,
+    target: str | FitGoal | None = None,
     on_step: Callable[[SearchStep], None] | None = None,
     **options: Any,
 ) -> FitResult:

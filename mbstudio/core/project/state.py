@@ -45,7 +45,7 @@ class FitSettings:
     """What the next fit will use.
 
     `options` are those of the method that are not at their defaults. With a `target` (see
-    :class:`~mbstudio.core.imaging.goals.target.FitTarget`) the number of control points is looked for,
+    :class:`~mbstudio.core.imaging.goals.fit_goal.FitGoal`) the number of control points is looked for,
     and `n` is not used.
     """
 

@@ -84,8 +84,8 @@ def read_clones(group: h5py.Group, path: Path) -> Generation:
     MbstudioError, KeyError, TypeError, ValueError
         If they are damaged.
     """
+    from mbstudio.core.vae.generate.conditions import Reached
     from mbstudio.core.vae.generate.generation import Counts, Generation
-    from mbstudio.core.vae.generate.targets import Reached
     from mbstudio.core.vae.serialize.serialization import build_serialization
 
     entries = _read_json(group, "entries")

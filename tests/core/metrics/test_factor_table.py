@@ -14,14 +14,14 @@ import mbstudio
 from mbstudio.core import formulas
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging.goals.target import list_measures
+from mbstudio.core.imaging.goals.fit_goal import list_measures
 from mbstudio.core.metrics import FACTORS, Factor, factor_intervals, measure, measure_detail
 from mbstudio.core.metrics.factor_table import AXES, LATENT_MEANINGS
 from mbstudio.core.metrics.measuring import AxisConvention
 from mbstudio.core.metrics.star_factors import STAR_FACTORS
 from mbstudio.core.populations import measure_population
 from mbstudio.core.vae.generate.candidates import examine_all
-from mbstudio.core.vae.generate.targets import parse_targets
+from mbstudio.core.vae.generate.conditions import parse_conditions
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from tests.core.vae.boxes import boxes
 
@@ -95,7 +95,7 @@ def test_one_entry_is_measured_like_any_other():
         assert {"specific_surface_per_mm", "slack"} <= set(alone.table().columns)
         assert FACTORS["specific_surface"].heading("um") == "Specific surface S_V (µm⁻¹)"
         assert "specific_surface" in list_measures()
-        (condition,) = parse_targets(["specific_surface=3..4"], "mm")
+        (condition,) = parse_conditions(["specific_surface=3..4"], "mm")
         assert condition.factor == "specific_surface"
     assert "specific_surface" not in FACTORS
     assert "specific_surface" not in measure(body).as_dict()

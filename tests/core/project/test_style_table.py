@@ -10,8 +10,8 @@ from mbstudio.core.errors import ProjectError
 from mbstudio.core.populations import Population
 from mbstudio.core.project import ProjectState
 from mbstudio.core.project.file import read_project, write_project
+from mbstudio.core.vae.generate.conditions import Reached
 from mbstudio.core.vae.generate.generation import Counts, Generation
-from mbstudio.core.vae.generate.targets import Reached
 from mbstudio.core.vae.models.training import learn
 from tests.core.vae.boxes import boxes
 

@@ -14,18 +14,18 @@ from jaxtyping import Float
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
-from mbstudio.core.dem.shapes.clump_target import ClumpTarget, clump_for_target
+from mbstudio.core.dem.shapes.clump_goal import ClumpGoal, clump_for_target
 from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
 from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.options import Option
 
-CLUMP_TARGET = "clump_target"
+CLUMP_GOAL = "clump_target"
 POURED = Option(10, "particles that the example deck pours", 1, 100000)
 OPTIONS = MappingProxyType(
     {
         "spheres": Option(40, "spheres in each clump", 2, 2000),
-        CLUMP_TARGET: Option(
+        CLUMP_GOAL: Option(
             "",
             "what each clump is to reach, in place of a number of spheres: iou 0.95, hausdorff 3 %, "
             "volume 1 %, inertia 1 %, joined by 'and'; 'and n 200' sets the most spheres",
@@ -40,8 +40,8 @@ def fitted_clumps(job: Job) -> list[Clump]:
 
     What became of a target goes into ``job.remarks``, by the names of the bodies.
     """
-    target = str(job.options[CLUMP_TARGET]).strip()
-    wanted = ClumpTarget.parse(target) if target else None
+    target = str(job.options[CLUMP_GOAL]).strip()
+    wanted = ClumpGoal.parse(target) if target else None
     clumps = []
     for index, body in enumerate(job.bodies):
         before = index / len(job.bodies)

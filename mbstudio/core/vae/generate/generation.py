@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.populations.population import Population
-from mbstudio.core.vae.generate.targets import Reached
+from mbstudio.core.vae.generate.conditions import Reached
 from mbstudio.core.vae.serialize.serialization import Serialization
 
 

@@ -21,6 +21,7 @@ from mbstudio.core.vae.generate.candidates import (
     Progress,
     examine_all,
 )
+from mbstudio.core.vae.generate.conditions import Condition, Reached, parse_conditions, reach_words
 from mbstudio.core.vae.generate.generation import Counts, Generation, Learner
 from mbstudio.core.vae.generate.novelty import nearest_others, nearest_to
 from mbstudio.core.vae.generate.selection import (
@@ -31,13 +32,12 @@ from mbstudio.core.vae.generate.selection import (
     choose,
     novelty_rows,
 )
-from mbstudio.core.vae.generate.targets import Reached, Target, parse_targets, reach_words
 from mbstudio.core.vae.models.radii import log_radii
 
 _FIRST_SHARE = 2.5
 _SPARE = 80
 _MOST_SHARE = 4.0
-_MOST_SHARE_OF_TARGETS = 12.0
+_MOST_SHARE_OF_CONDITIONS = 12.0
 _MOST_ROUNDS = 8
 _CALIBRATORS = 24
 _CORRECTIONS = 3
@@ -50,7 +50,7 @@ def generate(
     count: int,
     seed: int = 0,
     *,
-    targets: Sequence[str] | Sequence[Target] | None = None,
+    targets: Sequence[str] | Sequence[Condition] | None = None,
     processes: int = 1,
     measured: bool = True,
     on_progress: Progress | None = None,
@@ -67,41 +67,41 @@ def generate(
     count : int
     seed : int
         The same seed gives the same clones, whatever the number of processes.
-    targets : sequence of str or Target, optional
-        What the clones are to be like, as for :func:`mbstudio.core.vae.generate.targets.parse_targets`.
+    targets : sequence of str or Condition, optional
+        What the clones are to be like, as for :func:`mbstudio.core.vae.generate.conditions.parse_conditions`.
     processes : int
     measured : bool
-        Also measure every clone exactly. With targets clones are always measured.
+        Also measure every clone exactly. With conditions clones are always measured.
     on_progress : callable, optional
         ``progress(share, message)``; what it raises ends the work at once.
 
     Raises
     ------
     GenerationError
-        If the count is not positive, a target cannot be read, or these parents cannot give what is asked for.
+        If the count is not positive, a condition cannot be read, or these parents cannot give what is asked.
     """
     if count < 1:
         raise GenerationError(f"{count} clones cannot be generated: ask for 1 or more.")
     if processes < 1:
         raise GenerationError(f"{processes} processes cannot generate: give 1 or more.")
     report = on_progress or (lambda _share, _message: None)
-    wanted = _read_targets(targets or (), learner.parents.unit)
+    wanted = _read_conditions(targets or (), learner.parents.unit)
     work = _GenerationRun(learner, count, seed, wanted, processes, report)
     choice = work.choose()
     exact = None
     if wanted:
-        choice, exact = work.meet_targets(choice)
+        choice, exact = work.meet_conditions(choice)
     elif measured:
         choice, exact = work.follow_parents(choice)
     report(1.0, f"{count} clones")
     return work.conclude(choice, exact)
 
 
-def _read_targets(given: Sequence[str] | Sequence[Target], unit: str) -> tuple[Target, ...]:
+def _read_conditions(given: Sequence[str] | Sequence[Condition], unit: str) -> tuple[Condition, ...]:
     texts = [given] if isinstance(given, str) else list(given)
-    found: list[Target] = []
-    for target in texts:
-        found.extend(parse_targets([target], unit) if isinstance(target, str) else [target])
+    found: list[Condition] = []
+    for condition in texts:
+        found.extend(parse_conditions([condition], unit) if isinstance(condition, str) else [condition])
     return tuple(found)
 
 
@@ -113,13 +113,13 @@ class _GenerationRun:
     """One generation under way: its candidates, and what is known of them exactly."""
 
     def __init__(
-        self, learner: Learner, count: int, seed: int, targets: tuple[Target, ...], processes: int,
+        self, learner: Learner, count: int, seed: int, conditions: tuple[Condition, ...], processes: int,
         report: Progress,
     ) -> None:  # fmt: skip
         self._learner, self._count, self._seed = learner, count, seed
-        self._targets, self._processes, self._report = targets, processes, report
+        self._conditions, self._processes, self._report = conditions, processes, report
         # A factor that the quick way does not give is measured of every candidate.
-        self._detail = any(target.factor not in FACTORS.quick for target in targets)
+        self._detail = any(condition.factor not in FACTORS.quick for condition in conditions)
         self._batches = self._choices = 0
         self._exact: dict[int, dict[str, float]] = {}
         self._unmeasurable: set[int] = set()
@@ -150,7 +150,7 @@ class _GenerationRun:
         seed = int(np.random.SeedSequence([self._seed, self._batches]).generate_state(1, np.uint32)[0])
         self._batches += 1
         drawn = self._learner.sample(count, seed)
-        share = 0.5 if not self._targets else 0.35
+        share = 0.5 if not self._conditions else 0.35
         return examine_all(
             drawn.serialization, drawn.latents, drawn.parents, processes=self._processes,
             progress=lambda done, words: self._report(share * done, words),
@@ -162,7 +162,7 @@ class _GenerationRun:
             found = self._choose()
             least = max(1.2 * self._count, self._count + 1)
             short = self._usable().sum() < least
-            if found is not None and not short and (found.level <= 1 or self._targets):
+            if found is not None and not short and (found.level <= 1 or self._conditions):
                 return found
             more = self._count_more(found)
             if more == 0:
@@ -176,12 +176,12 @@ class _GenerationRun:
         self._choices += 1
         rng = np.random.default_rng([self._seed, 0xC40, self._choices])
         admitted = asked = None
-        if self._targets:
+        if self._conditions:
             volumes = self._column("volume")[usable]
-            columns = [self._column(target.factor)[usable] for target in self._targets]
-            pairs = list(zip(self._targets, columns, strict=True))
-            admitted = np.logical_and.reduce([target.admits(column) for target, column in pairs])
-            asked = np.concatenate([target.rows(column, volumes) for target, column in pairs], axis=1)
+            columns = [self._column(condition.factor)[usable] for condition in self._conditions]
+            pairs = list(zip(self._conditions, columns, strict=True))
+            admitted = np.logical_and.reduce([condition.admits(column) for condition, column in pairs])
+            asked = np.concatenate([condition.rows(column, volumes) for condition, column in pairs], axis=1)
         places = np.flatnonzero(np.isin(usable, np.array(kept, dtype=np.int64))).tolist()
         found = choose(
             values, self._count, self._parents, rng, novel=novelty_rows(self._nearest()[usable], self._among),
@@ -203,14 +203,14 @@ class _GenerationRun:
     def _count_more(self, found: Choice | None) -> int:
         """Return how many further candidates to draw, none where they would not help."""
         have, usable = len(self._pool), self._usable()
-        most = _MOST_SHARE_OF_TARGETS if self._targets else _MOST_SHARE
+        most = _MOST_SHARE_OF_CONDITIONS if self._conditions else _MOST_SHARE
         room = int(most * self._count) + 3 * _SPARE - have
         if room <= 0:
             return 0
         fitting = usable.copy()
-        for target in self._targets:
-            column = self._column(target.factor)
-            fitting &= target.admits(np.where(np.isfinite(column), column, -np.inf))
+        for condition in self._conditions:
+            column = self._column(condition.factor)
+            fitting &= condition.admits(np.where(np.isfinite(column), column, -np.inf))
         share = fitting.sum() / have
         if share == 0 or (found is None and self._count / share > 2.0 * (have + room)):
             return 0
@@ -249,8 +249,8 @@ class _GenerationRun:
             else:
                 self._unmeasurable.add(i)
 
-    def meet_targets(self, choice: Choice) -> tuple[Choice, Population]:
-        """Return a choice whose exact factors meet the targets; choose anew where they do not yet."""
+    def meet_conditions(self, choice: Choice) -> tuple[Choice, Population]:
+        """Return a choice whose exact factors meet the conditions; choose anew where they do not yet."""
         before: set[int] = set()
         # Lengths found by rays are a little short: bring them to the scale of the exact ones first.
         self._measure(choice.rows[:: max(1, len(choice.rows) // _CALIBRATORS)].tolist())
@@ -266,7 +266,9 @@ class _GenerationRun:
                 return choice, self._population(choice)
         missed = next((figure for figure in self._reached(choice) if not figure.met), None)
         words = "" if missed is None else f": {missed.what} comes to {missed.found:.4g}"
-        raise GenerationError(f"These parents cannot give {self._describe_targets()} closely enough{words}.")
+        raise GenerationError(
+            f"These parents cannot give {self._describe_conditions()} closely enough{words}."
+        )
 
     def follow_parents(self, choice: Choice) -> tuple[Choice, Population]:
         """Return a choice whose exact factors follow the parents' exact ones.
@@ -344,7 +346,7 @@ class _GenerationRun:
 
     def _calibrate(self) -> None:
         rows = sorted(self._exact)
-        for name in {target.factor for target in self._targets} | set(BALANCED_FACTORS):
+        for name in {condition.factor for condition in self._conditions} | set(BALANCED_FACTORS):
             if name in FACTORS.quick:
                 exact = np.array([self._exact[i][name] for i in rows])
                 self._lines[name] = (float(exact.mean() / self._pool.column(name)[rows].mean()), 0.0)
@@ -353,8 +355,8 @@ class _GenerationRun:
         factors = [self._exact[int(i)] for i in choice.rows]
         volumes = np.array([row["volume"] for row in factors])
         found: list[Reached] = []
-        for target in self._targets:
-            found.extend(target.reached(np.array([row[target.factor] for row in factors]), volumes))
+        for condition in self._conditions:
+            found.extend(condition.reached(np.array([row[condition.factor] for row in factors]), volumes))
         return tuple(found)
 
     def _population(self, choice: Choice) -> Population:
@@ -365,22 +367,22 @@ class _GenerationRun:
             self._pool.shapes.unit, "obb", "avatar", ("",) * len(rows), ("",) * len(rows),
         )  # fmt: skip
 
-    def _describe_targets(self) -> str:
-        return f"{self._count} clones with {' and '.join(str(target) for target in self._targets)}"
+    def _describe_conditions(self) -> str:
+        return f"{self._count} clones with {' and '.join(str(condition) for condition in self._conditions)}"
 
     def _refuse(self) -> NoReturn:
         usable = self._usable()
-        if not self._targets:
+        if not self._conditions:
             raise GenerationError(
                 f"Of {len(self._pool)} candidates only {int(usable.sum())} are valid bodies: too few for "
                 f"{self._count} clones. Learn the style of grains that are fitted better."
             )
-        names = dict.fromkeys(target.factor for target in self._targets)
+        names = dict.fromkeys(condition.factor for condition in self._conditions)
         reach = ", ".join(
             reach_words(name, self._column(name)[usable], self._pool.shapes.unit) for name in names
         )
         raise GenerationError(
-            f"These parents cannot give {self._describe_targets()}: their clones have {reach}. "
+            f"These parents cannot give {self._describe_conditions()}: their clones have {reach}. "
             "Ask for values within."
         )
 
@@ -400,11 +402,11 @@ class _GenerationRun:
         )
         how = (
             LEVELS[choice.level]
-            if not self._targets
-            else f"{self._describe_targets()}, else as like the parents as can be"
+            if not self._conditions
+            else f"{self._describe_conditions()}, else as like the parents as can be"
         )
         return Generation(
             replace(pool.shapes.take(rows), names=names), pool.latents[rows], pool.parents[rows], exact,
-            counts, how, choice.effective, self._reached(choice) if self._targets else (), self._seed,
+            counts, how, choice.effective, self._reached(choice) if self._conditions else (), self._seed,
             self._exact_parents,
         )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QSpinBox, QVBoxLayout, QWidget
 
-from mbstudio.core.dem.formats.clump_files import CLUMP_TARGET
+from mbstudio.core.dem.formats.clump_files import CLUMP_GOAL
 from mbstudio.core.dem.target import Target
 from mbstudio.core.goals import MOST_PARTS
 from mbstudio.core.options import Option
@@ -89,10 +89,10 @@ class ClumpChoice(QWidget):
         measure = str(self.by.currentData())
         number = self.number.value()
         if not measure:
-            return {"spheres": number, CLUMP_TARGET: ""}
+            return {"spheres": number, CLUMP_GOAL: ""}
         percent = "" if measure == "iou" else " %"
         aim = f"{measure} {self.limit.value():g}{percent}"
-        return {"spheres": number, CLUMP_TARGET: f"{aim} and n {self.most.value()}"}
+        return {"spheres": number, CLUMP_GOAL: f"{aim} and n {self.most.value()}"}
 
     def aim_at(self, measure: str, limit: float | None = None) -> None:
         """Choose a measure ('' for a number of spheres) and its limit, errors in percent."""
@@ -142,13 +142,13 @@ class TargetForm(QWidget):
         empty(self._layout)
         self.fields, self.clumps = {}, None
         for name, option in target.options.items():
-            if name == "spheres" and CLUMP_TARGET in target.options:
+            if name == "spheres" and CLUMP_GOAL in target.options:
                 self.clumps = ClumpChoice(option)
                 if before is not None:
                     self._choose_clumps(before)
                 self.clumps.changed.connect(self.changed)
                 self._layout.addWidget(self.clumps)
-            elif name != CLUMP_TARGET:
+            elif name != CLUMP_GOAL:
                 field = self.fields[name] = make_field(option, self.changed.emit)
                 self._layout.addWidget(row(option_title(name), field, option.meaning))
         cells, error = self.fields.get("cells"), self.fields.get("error")

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 
 from mbstudio.core.errors import FitError
 from mbstudio.core.formulas import nominal_diameter
-from mbstudio.core.imaging import FitResult, FitTarget
+from mbstudio.core.imaging import FitGoal, FitResult
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
@@ -201,7 +201,7 @@ class FitPanel(Panel):
         """
         text = self.target.text().strip()
         try:
-            aims = str(FitTarget.parse(text)) if text else ""
+            aims = str(FitGoal.parse(text)) if text else ""
         except FitError as error:
             self.refusal.setText(str(error))
             self.refusal.show()
@@ -289,7 +289,7 @@ class FitPanel(Panel):
             neck = tr("smallest neck {width:.3g} {unit}", width=verdict.smallest_neck, unit=unit)
             text += f" · {neck}"
         if fit.target:
-            aims = FitTarget.parse(fit.target)
+            aims = FitGoal.parse(fit.target)
             met = tr("Target reached") if reaches(fit) else tr("Target not reached")
             text += f"\n{met}: {aims.describe(fit.reached)}" if fit.reached else f"\n{met}"
         self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mbstudio.core.imaging import FitResult, FitTarget
+from mbstudio.core.imaging import FitGoal, FitResult
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.ui.language import tr
 
 
 def reaches(fit: FitResult) -> bool:
     """Return whether a fit has reached the target that it was made for."""
-    return bool(fit.target and fit.reached) and FitTarget.parse(fit.target).is_met(fit.reached)
+    return bool(fit.target and fit.reached) and FitGoal.parse(fit.target).is_met(fit.reached)
 
 
 def fit_told(label: int, fit: FitResult) -> str:
@@ -27,7 +27,7 @@ def fit_told(label: int, fit: FitResult) -> str:
         error=100 * verdict.volume_error,
     )
     if fit.target and reaches(fit):
-        reached = FitTarget.parse(fit.target).describe(fit.reached)
+        reached = FitGoal.parse(fit.target).describe(fit.reached)
         told = " ".join((told, tr("It reaches the target: {figures}.", figures=reached)))
     return told
 

@@ -106,9 +106,9 @@ class CloneWork(Work):
         given = [part for part in parts if part]
         learner = self.workspace.style
         if given and learner is not None:
-            from mbstudio.core.vae.generate.targets import parse_targets
+            from mbstudio.core.vae.generate.conditions import parse_conditions
 
-            parse_targets(given, learner.unit)
+            parse_conditions(given, learner.unit)
         return given
 
     def generate(self, count: int, seed: int = 0, where: Sequence[str] = ()) -> Task | None:

@@ -215,10 +215,10 @@ class FactorCurve:
         return f"{name} = {pairs}{_unit_words(self.factor, self.unit)}"
 
 
-Target = FactorRange | FactorMoments | FactorCurve
+Condition = FactorRange | FactorMoments | FactorCurve
 
 
-def parse_targets(texts: Sequence[str], unit: str) -> tuple[Target, ...]:
+def parse_conditions(texts: Sequence[str], unit: str) -> tuple[Condition, ...]:
     """Read what clones are to be like.
 
     Parameters
@@ -230,7 +230,7 @@ def parse_targets(texts: Sequence[str], unit: str) -> tuple[Target, ...]:
         ``sphericity=0.7:10,0.8:60`` (a cumulative distribution by number). Several may stand in one text,
         separated by semicolons or "and". A length without a unit is in `unit`.
     unit : str
-        Of the parents; the targets are in it.
+        Of the parents; the conditions are in it.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def parse_targets(texts: Sequence[str], unit: str) -> tuple[Target, ...]:
     return tuple(_parsed(word, parse_unit(unit)) for word in words)
 
 
-def _parsed(text: str, unit: str) -> Target:
+def _parsed(text: str, unit: str) -> Condition:
     name, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not name or not value:
         raise GenerationError(f"'{text}' cannot be read: {_HOW}.")

@@ -1,4 +1,4 @@
-"""Sphere clumps with as few spheres as reach a target: volume, inertia, Hausdorff distance, IoU."""
+"""Sphere clumps with as few spheres as reach a goal: volume, inertia, Hausdorff distance, IoU."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Fit = Callable[[Avatar, int], Clump]
 
 
 @dataclass(frozen=True)
-class ClumpTarget(Goal):
+class ClumpGoal(Goal):
     """What a sphere clump is to reach with as few spheres as may be, by the measures of `MEASURES`."""
 
     grammar: ClassVar[Grammar] = Grammar(
@@ -43,14 +43,14 @@ class ClumpTarget(Goal):
 
 
 @dataclass(frozen=True, eq=False)
-class TargetClump:
-    """What came of a search for the smallest clump that reaches a target.
+class FoundClump:
+    """What came of a search for the smallest clump that reaches a goal.
 
     Attributes
     ----------
     clump : Clump
         The smallest that reaches it, or the nearest to it.
-    target : ClumpTarget
+    goal : ClumpGoal
     values : mapping of str to float
         What it has reached, as shares.
     tried : mapping of int to mapping
@@ -58,37 +58,37 @@ class TargetClump:
     """
 
     clump: Clump
-    target: ClumpTarget
+    goal: ClumpGoal
     values: Mapping[str, float]
     tried: Mapping[int, Mapping[str, float]]
 
     @property
     def is_met(self) -> bool:
-        """Whether the target is reached."""
-        return self.target.is_met(self.values)
+        """Whether the goal is reached."""
+        return self.goal.is_met(self.values)
 
     @property
     def warning(self) -> str:
-        """Why the target was not reached and what to do; empty where it was."""
+        """Why the goal was not reached and what to do; empty where it was."""
         if self.is_met:
             return ""
-        missed = self.target.describe(self.values, only_missed=True)
+        missed = self.goal.describe(self.values, only_missed=True)
         return (
-            f"The target '{self.target}' was not reached with {self.target.most} spheres: the best clump, of "
-            f"{len(self.clump.radii)}, has {missed}. Allow more ('... and n {2 * self.target.most}'), "
+            f"The target '{self.goal}' was not reached with {self.goal.most} spheres: the best clump, of "
+            f"{len(self.clump.radii)}, has {missed}. Allow more ('... and n {2 * self.goal.most}'), "
             "or ask for less."
         )
 
 
 def clump_for_target(
     avatar: Avatar,
-    target: ClumpTarget | str,
+    target: ClumpGoal | str,
     *,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
     fit: Fit | None = None,
-) -> TargetClump:
-    """Fit the clump with as few spheres as reach a target.
+) -> FoundClump:
+    """Fit the clump with as few spheres as reach a goal.
 
     The number is doubled from 10 until one will do, then bisected. Every number is a fit of its own: the
     clump is that of ``sphere_clump(avatar, n, seed=seed)`` with the number found.
@@ -96,7 +96,7 @@ def clump_for_target(
     Parameters
     ----------
     avatar : Avatar
-    target : ClumpTarget or str
+    target : ClumpGoal or str
         See :meth:`mbstudio.core.goals.Goal.parse`.
     seed : int
     progress : callable(fraction, message), optional
@@ -111,7 +111,7 @@ def clump_for_target(
     MeasureError
         If the avatar is in several pieces.
     """
-    wanted = ClumpTarget.parse(target)
+    wanted = ClumpGoal.parse(target)
     fit = fit or (lambda body, spheres: sphere_clump(body, spheres, seed=seed))
     diameter = nominal_diameter(mass_properties(avatar, 1.0).volume)
     numbers = SmallestNumber(wanted.most, _FEWEST)
@@ -128,4 +128,4 @@ def clump_for_target(
         if best is None or rank < best[0]:
             best = rank, clump
     assert best is not None
-    return TargetClump(best[1], wanted, tried[len(best[1].radii)], tried)
+    return FoundClump(best[1], wanted, tried[len(best[1].radii)], tried)

@@ -1,4 +1,4 @@
-"""The fit with as few control points as reach a target, as a step object."""
+"""The fit with as few control points as reach a goal, as a step object."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from mbstudio.core.errors import FitError
 from mbstudio.core.goals import SmallestNumber
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.imaging.goals.fit_goal import FitGoal
 from mbstudio.core.imaging.goals.likeness import Likeness
-from mbstudio.core.imaging.goals.target import FitTarget
 from mbstudio.core.imaging.run import StepRun, TooManyControlPoints
 from mbstudio.core.imaging.steps import FitResult, SearchStep
 
@@ -34,8 +34,8 @@ class _Tried:
         return mine < (not other.result.verdict.valid, other.shortfall, other.result.n)
 
 
-class TargetFit:
-    """Step object that looks for the smallest number of control points that reaches a target.
+class GoalFit:
+    """Step object that looks for the smallest number of control points that reaches a goal.
 
     Every number is a fit of its own, so that the result is that of ``fit(grain, n)`` with the number found,
     whatever was tried before. The steps say in their note which number they belong to.
@@ -43,16 +43,16 @@ class TargetFit:
     Parameters
     ----------
     grain : Grain
-    target : FitTarget
+    goal : FitGoal
     start : callable
         Returns the step object of a fit with n control points.
     """
 
-    def __init__(self, grain: Grain, target: FitTarget, start: Callable[[int], StepRun]) -> None:
+    def __init__(self, grain: Grain, goal: FitGoal, start: Callable[[int], StepRun]) -> None:
         self.grain = grain
-        self.target = target
+        self.goal = goal
         self._start = start
-        self._numbers = SmallestNumber(target.most)
+        self._numbers = SmallestNumber(goal.most)
         self._first = start(1)  # what no number of control points can cure is refused at once
         self._likeness: Likeness | None = None
         self._run: StepRun | None = None
@@ -70,7 +70,7 @@ class TargetFit:
         return next(self._steps)
 
     def change_control_points(self, n: int) -> None:
-        """Give the target up, and go on with n control points from the fit at hand.
+        """Give the goal up, and go on with n control points from the fit at hand.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class TargetFit:
         self._give_up(run)
 
     def more_generations(self, count: int) -> None:
-        """Let the fit at hand go on for `count` more generations, whatever the target says.
+        """Let the fit at hand go on for `count` more generations, whatever the goal says.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class TargetFit:
         self._give_up(run)
 
     def result(self) -> FitResult:
-        """Return the smallest avatar that reaches the target, or the best there is, with a warning.
+        """Return the smallest avatar that reaches the goal, or the best there is, with a warning.
 
         Raises
         ------
@@ -106,13 +106,13 @@ class TargetFit:
         best = self._best
         if best is None or not (best.is_met or self._ended):
             return self._stopped()
-        found = replace(best.result, target=str(self.target), reached=dict(best.values))
+        found = replace(best.result, target=str(self.goal), reached=dict(best.values))
         return found if best.is_met else _warned(found, self._why(best))
 
     # ---- the search ----------------------------------------------------------------------------
 
     def _all_steps(self) -> Iterator[SearchStep]:
-        before = f"target {self.target}"
+        before = f"target {self.goal}"
         while (n := self._numbers.choose_next()) is not None:
             try:
                 run = self._new_run(n)
@@ -148,12 +148,12 @@ class TargetFit:
         if self._likeness is None:
             self._likeness = Likeness(self.grain, run.options.cavities)
         result = run.result()
-        values = self.target.values(result, self._likeness)
-        is_met = result.verdict.valid and self.target.is_met(values)
-        return _Tried(run, result, values, is_met, self.target.shortfall(values))
+        values = self.goal.values(result, self._likeness)
+        is_met = result.verdict.valid and self.goal.is_met(values)
+        return _Tried(run, result, values, is_met, self.goal.shortfall(values))
 
     def _told(self, tried: _Tried) -> str:
-        told = self.target.describe(tried.values)
+        told = self.goal.describe(tried.values)
         return told if tried.result.verdict.valid else f"{told}, and the avatar is not valid"
 
     # ---- what is at hand -----------------------------------------------------------------------
@@ -168,34 +168,34 @@ class TargetFit:
         self._best = None
 
     def _stopped(self) -> FitResult:
-        """Return the truest avatar of a search that was stopped before any reached the target."""
+        """Return the truest avatar of a search that was stopped before any reached the goal."""
         now = self._at_hand()
         if not now.has_begun and self._best is not None:
             now = self._best.run
         result, values = now.result(), {}
         if self._best is not None and now is self._best.run:
             values = dict(self._best.values)
-        found = replace(result, target=str(self.target), reached=values)
-        return _warned(found, f"The search for the target '{self.target}' was stopped before it was reached.")
+        found = replace(result, target=str(self.goal), reached=values)
+        return _warned(found, f"The search for the target '{self.goal}' was stopped before it was reached.")
 
     def _why(self, best: _Tried) -> str:
-        """Return in words that the target was not reached, and why."""
-        result, missed = best.result, self.target.describe(best.values, only_missed=True)
+        """Return in words that the goal was not reached, and why."""
+        result, missed = best.result, self.goal.describe(best.values, only_missed=True)
         faults = [f"has {missed}"] if missed else []
         if not result.verdict.valid:
             faults.append("is not valid")
         told = (
-            f"The target '{self.target}' was not reached: the best avatar, of n = {result.n}, "
+            f"The target '{self.goal}' was not reached: the best avatar, of n = {result.n}, "
             f"{' and '.join(faults)}. "
         )
         if self._held is not None:
             told += f"Its {self.grain.voxel_count} voxels hold {self._held} control points at most"
             cure = "Scan finer, or ask for less."
         else:
-            told += f"More than {self.target.most} control points were not allowed"
-            cure = f"Allow more ('... and n {2 * self.target.most}'), or ask for less."
+            told += f"More than {self.goal.most} control points were not allowed"
+            cure = f"Allow more ('... and n {2 * self.goal.most}'), or ask for less."
         share = max(self.grain.voxel_size.xyz) / self.grain.nominal_diameter
-        if any(aim.measure in ("hausdorff", "rms") and aim.limit < share for aim in self.target.aims):
+        if any(aim.measure in ("hausdorff", "rms") and aim.limit < share for aim in self.goal.aims):
             told += f"; a voxel is {100 * share:.2g} % of D_n, and finer shape is not in the scan"
         return f"{told}. {cure}"
 

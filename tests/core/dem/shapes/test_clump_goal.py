@@ -7,19 +7,19 @@ import json
 import numpy as np
 import pytest
 
-from mbstudio.core.dem import Clump, ClumpTarget, clump_for_target, export, sphere_clump
+from mbstudio.core.dem import Clump, ClumpGoal, clump_for_target, export, sphere_clump
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import mass_properties
 
 
 def test_words_become_aims():
-    target = ClumpTarget.parse("IoU 0.95, hausdorff < 3 % and inertia 0.01 and n 80")
+    target = ClumpGoal.parse("IoU 0.95, hausdorff < 3 % and inertia 0.01 and n 80")
     assert [(aim.measure, aim.limit) for aim in target.aims] == [
         ("iou", 0.95), ("hausdorff", 0.03), ("inertia", 0.01),
     ]  # fmt: skip
     assert target.most == 80
-    assert ClumpTarget.parse(str(target)) == target
+    assert ClumpGoal.parse(str(target)) == target
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_words_become_aims():
 )
 def test_what_is_no_target_is_named(text, message):
     with pytest.raises(ExportError, match=message):
-        ClumpTarget.parse(text)
+        ClumpGoal.parse(text)
 
 
 def _made(avatar: Avatar, spheres: int) -> Clump:
@@ -68,7 +68,7 @@ def test_the_smallest_number_that_will_do_is_found(target, fewest, avatar):
     assert found.is_met
     assert found.warning == ""
     # The number before was tried and would not do, but for the least there can be.
-    assert fewest == 2 or not found.target.is_met(found.tried[fewest - 1])
+    assert fewest == 2 or not found.goal.is_met(found.tried[fewest - 1])
 
 
 def test_a_target_out_of_reach_gives_the_best_and_says_so(avatar):

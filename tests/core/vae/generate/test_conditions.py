@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from mbstudio.core.errors import GenerationError
-from mbstudio.core.vae.generate.targets import FactorCurve, FactorMoments, FactorRange, parse_targets
+from mbstudio.core.vae.generate.conditions import FactorCurve, FactorMoments, FactorRange, parse_conditions
 
 
 def one(text: str, unit: str = "mm"):
-    (target,) = parse_targets([text], unit)
-    return target
+    (condition,) = parse_conditions([text], unit)
+    return condition
 
 
 def test_ranges_means_and_curves_are_read() -> None:
@@ -20,7 +20,7 @@ def test_ranges_means_and_curves_are_read() -> None:
     assert one("D50=0.4 mm") == FactorCurve("intermediate", (0.4,), (50.0,), "mass", "mm")
     by_number = FactorCurve("sphericity", (0.7, 0.8), (10.0, 60.0), "number", "mm")
     assert one("sphericity=0.7:10,0.8:60") == by_number
-    assert len(parse_targets(["csf=0.7; dn=1..2", "D50=1"], "mm")) == 3
+    assert len(parse_conditions(["csf=0.7; dn=1..2", "D50=1"], "mm")) == 3
 
 
 def test_lengths_areas_and_volumes_come_in_the_unit_of_the_parents() -> None:
@@ -52,7 +52,7 @@ def test_lengths_areas_and_volumes_come_in_the_unit_of_the_parents() -> None:
 )
 def test_what_cannot_be_read_is_refused_with_its_text(text: str, words: str) -> None:
     with pytest.raises(GenerationError, match=words):
-        parse_targets([text], "mm")
+        parse_conditions([text], "mm")
 
 
 def test_a_curve_by_mass_counts_mass() -> None:

@@ -19,7 +19,7 @@ def list_measures() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class FitTarget(Goal):
+class FitGoal(Goal):
     """What an avatar is to reach with as few control points as may be, by an avatar that is valid.
 
     Measures are 'iou', the 'hausdorff' and 'rms' distance of the surfaces over D_n, and the relative error of

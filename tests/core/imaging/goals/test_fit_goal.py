@@ -8,7 +8,7 @@ import pytest
 from mbstudio.core.errors import FitError
 from mbstudio.core.goals import Aim, SmallestNumber
 from mbstudio.core.grains import Grain
-from mbstudio.core.imaging import FitTarget, fit, start_fit
+from mbstudio.core.imaging import FitGoal, fit, start_fit
 from mbstudio.core.imaging.fast import fast
 from mbstudio.core.imaging.fast.fast import FastFit
 from mbstudio.core.units import VoxelSize
@@ -28,11 +28,11 @@ VOXEL = VoxelSize(1, 1, 1, "um")
     ],
 )
 def test_targets_are_read_and_written(text: str, aims: dict[str, float], most: int) -> None:
-    target = FitTarget.parse(text)
+    target = FitGoal.parse(text)
     assert {aim.measure: aim.limit for aim in target.aims} == pytest.approx(aims)
     assert target.most == most
-    assert FitTarget.parse(str(target)) == target
-    assert FitTarget.parse(target) is target
+    assert FitGoal.parse(str(target)) == target
+    assert FitGoal.parse(target) is target
 
 
 @pytest.mark.parametrize(
