@@ -167,14 +167,14 @@ def _where_no_numbers(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, na
         if not gaps.any():
             continue
         count += int(np.count_nonzero(gaps))
-        if gaps.all():
+        if not np.isfinite(part).any():
             empty.append(z)
         places = np.argwhere(gaps)
         low = np.minimum(low, [z, *places.min(axis=0)])
         high = np.maximum(high, [z, *places.max(axis=0)])
     box = ", ".join(f"{axis} {first} to {last}" for axis, first, last in zip("zyx", low, high, strict=True))
     where = f"{name} holds voxels that are not finite numbers inside what was scanned ({count:,}, {box})"
-    if empty and view.is_whole_box:
+    if empty:
         told = ", ".join(map(str, empty[:5])) + (", ..." if len(empty) > 5 else "")
         return (
             f"{where}, among them whole slices (z = {told}): leave those slices out, and open the scan again."

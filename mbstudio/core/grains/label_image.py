@@ -21,7 +21,7 @@ from mbstudio.core.grains.label_numbers import (
     require_surroundings,
     whole_numbers,
 )
-from mbstudio.core.grains.label_placement import differs_in_size, lay_on_scan
+from mbstudio.core.grains.label_placement import differs_in_size, lay_on_scan, require_no_better_order
 from mbstudio.core.grains.labelling import build_grain_set
 from mbstudio.core.grains.segmentation import part_mask
 from mbstudio.core.scan.grid import Grid
@@ -83,7 +83,11 @@ def load_labels(
         labels = _black_is_zero(labels, name)
     size, origin = image.size, image.origin
     if scan is not None:
-        labels, notes = lay_on_scan(labels, image.grid, scan, name)
+        if isinstance(source, np.ndarray) and labels.shape == scan.shape:
+            notes: tuple[str, ...] = ()  # made of the scan's own array, in its order
+            require_no_better_order(labels, scan, name)
+        else:
+            labels, notes = lay_on_scan(labels, image.grid, scan, name)
         if size is not None and differs_in_size(size, scan.voxel_size):
             _warn(
                 f"{name} says that its voxels are {size}, the scan's are {scan.voxel_size}: the scan's "

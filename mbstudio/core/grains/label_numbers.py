@@ -76,15 +76,14 @@ def consecutive(labels: Int[np.ndarray, "Z Y X"], name: str) -> tuple[Int[np.nda
 
 
 def require_surroundings(numbered: Int[np.ndarray, "Z Y X"], name: str) -> None:
-    """Refuse an image without zeros in which one number is the surroundings of the grains.
+    """Refuse an image in which a number, and not 0, is the surroundings of the grains.
 
     Raises
     ------
     SegmentationError
-        If a number reaches most of the box's faces, fills a good part of it, and nothing is 0.
+        If a number reaches most of the box's faces and fills a good part of it, and 0 reaches
+        none; or if there is one number and nothing else.
     """
-    if not numbered.all():
-        return
     faces = [
         numbered[0],
         numbered[-1],
@@ -93,21 +92,23 @@ def require_surroundings(numbered: Int[np.ndarray, "Z Y X"], name: str) -> None:
         numbered[:, :, 0],
         numbered[:, :, -1],
     ]
-    counts = np.bincount(numbered.ravel())
-    largest = int(counts.argmax())
+    if any(bool((face == 0).any()) for face in faces):
+        return
+    counts = np.bincount(numbered.ravel())[1:]
+    largest = int(counts.argmax()) + 1
     reached = sum(bool((face == largest).any()) for face in faces)
-    few = np.count_nonzero(counts) <= _FEW_CLASSES
-    if (reached >= 5 and counts[largest] > _SURROUNDINGS * numbered.size) or np.count_nonzero(counts) == 1:
-        what = (
-            "classes of material, such as ilastik's Simple Segmentation, and no single grains"
-            if few
-            else "grains whose surroundings carry a number, too"
-        )
-        raise SegmentationError(
-            f"{name} holds no 0: number {largest} of its {np.count_nonzero(counts)} (in their order) "
-            "surrounds the "
-            f"others, so these are {what}. Set the surroundings to 0, or {_HOW_TO_PART}."
-        )
+    if reached < 5 or counts[largest - 1] <= _SURROUNDINGS * numbered.size:
+        return
+    what = (
+        "classes of material, such as ilastik's Simple Segmentation, and no single grains"
+        if len(counts) <= _FEW_CLASSES
+        else "grains whose surroundings carry a number, too"
+    )
+    raise SegmentationError(
+        f"{name} holds no 0 around its grains: one of its {len(counts)} numbers fills "
+        f"{counts[largest - 1] / numbered.size:.0%} of it and surrounds the others, so these are {what}. "
+        f"Set the surroundings to 0, or {_HOW_TO_PART}."
+    )
 
 
 def keep_largest_pieces(numbered: Int[np.ndarray, "Z Y X"], count: int, name: str) -> None:

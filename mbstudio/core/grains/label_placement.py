@@ -16,7 +16,7 @@ from mbstudio.core.units import METRES_PER_UNIT, VoxelSize
 _SAMPLES = 64
 # Grey values are said to follow labels laid the other way if they do so much more clearly.
 _CLEAR_CORRELATION = 0.35
-_CLEARER_BY = 2.0
+_CLEARER_BY = 0.1
 
 Order = tuple[tuple[int, int, int], tuple[bool, bool, bool]]
 
@@ -51,18 +51,17 @@ def lay_on_scan(
     """
     if scan.grid is not None and grid is not None and not grid.says_nothing and not scan.grid.says_nothing:
         return _by_space(stored, grid, scan, scan.grid, name)
-    flips = scan.grid
     target = scan.shape
     notes: tuple[str, ...] = ()
     if stored.shape == target:
-        labels = flips.as_read(stored) if flips is not None else stored
-        if flips is None and grid is not None and any(grid.flipped):
-            labels = _stored_or_turned(stored, grid, scan, name)
+        # Either file may have been turned round: the scan when it was read, the labels by their axes.
+        turns = [one for one in (scan.grid, grid) if one is not None and any(one.flipped)]
+        labels = _stored_or_turned(stored, turns[0], scan, name) if turns else stored
     elif grid is not None and not grid.says_nothing and scan.grid is None:
         labels, notes = _by_origin(stored, grid, scan, name)
     else:
         raise SegmentationError(_shape_message(stored.shape, target, name))
-    _require_no_better_order(labels, scan, name)
+    require_no_better_order(labels, scan, name)
     return labels, notes
 
 
@@ -99,7 +98,7 @@ def _by_space(
             ratio = float(np.cbrt(abs(np.linalg.det(turn))))
             note = f"states voxels {ratio:g} times as large as the scan's, for as many: the scan's are taken."
             labels = scan_grid.as_read(stored)
-            _require_no_better_order(labels, scan, name)
+            require_no_better_order(labels, scan, name)
             return labels, (note,)
         raise SegmentationError(
             f"{name} has other voxels than the scan ({_edges(mine)} against {_edges(scan_grid)}, x, y, z): "
@@ -122,7 +121,7 @@ def _by_space(
     if turned.shape != scan.shape or any(start):
         notes = (f"covers a part of the scan, from voxel {tuple(start)} (z, y, x), as its origin says.",)
     labels = scan_grid.as_read(placed)
-    _require_no_better_order(labels, scan, name)
+    require_no_better_order(labels, scan, name)
     return labels, notes
 
 
@@ -214,7 +213,7 @@ def _stored_or_turned(
     if max(as_stored, as_turned) >= 1.2 * min(as_stored, as_turned) and max(as_stored, as_turned) > 0.02:
         return stored if as_stored > as_turned else turned
     raise SegmentationError(
-        f"{name} has axes that run backwards, the scan's file does not say how its own run, and the "
+        f"{name} or the scan has axes that run backwards, the other does not say how its own run, and the "
         "grey values "
         "do not tell: export scan and labels in one format, both with their orientation or both without."
     )
@@ -223,7 +222,7 @@ def _stored_or_turned(
 # By the grey values -----------------------------------------------------------------------------------
 
 
-def _require_no_better_order(labels: Int[np.ndarray, "Z Y X"], scan: Scan, name: str) -> None:
+def require_no_better_order(labels: Int[np.ndarray, "Z Y X"], scan: Scan, name: str) -> None:
     """Refuse labels that the scan's grey values clearly follow in another order of the axes."""
     grey, _ = _thinned(scan.voxels)
     solid, _ = _thinned(labels)
@@ -241,7 +240,7 @@ def _require_no_better_order(labels: Int[np.ndarray, "Z Y X"], scan: Scan, name:
             there = abs(_correlation(other, grey))
             if there > best:
                 best, order = there, (axes, back)  # type: ignore[assignment]
-    if order is not None and best > _CLEAR_CORRELATION and best > _CLEARER_BY * here:
+    if order is not None and best > _CLEAR_CORRELATION and best > here + _CLEARER_BY:
         raise SegmentationError(
             f"{name} does not lie on the grains of the scan, but would {_described(order)}: "
             "export the labels with their axes as in the scan."

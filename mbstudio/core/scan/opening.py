@@ -138,6 +138,8 @@ def place(
     if voxel_size is not None:
         size = VoxelSize.parse(voxel_size, unit)
         return size, (0.0, 0.0, 0.0), _unusual(size)
+    if reading.spacing is None and reading.doubt is not None:
+        raise UnitError(f"{path} {reading.doubt}: {_STATE_IT}")
     if reading.spacing is None:
         if reading.unit_word is not None:
             raise UnitError(

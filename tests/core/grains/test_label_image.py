@@ -123,7 +123,9 @@ FOUR = ((10, 10, 10, 6), (10, 30, 10, 7), (30, 10, 30, 8), (30, 30, 12, 6))
     "classes",
     [lambda four: (four > 0) + 1, lambda four: np.where(four == 0, 1, np.where(four > 2, 3, 2)),
      lambda four: np.where(four == 0, 0, np.where(four > 2, 2, 1)), lambda four: np.where(four == 0, 255, 1),
-     lambda four: np.where(four == 0, 5, four), lambda four: np.ones_like(four)],
+     lambda four: np.where(four == 0, 5, four),
+     lambda four: np.where(four == 0, 9, four - 1),
+     lambda four: np.ones_like(four)],
 )  # fmt: skip
 def test_classes_of_material_are_no_grains(classes: object) -> None:
     four = balls((40, 40, 40), *FOUR)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import nrrd
@@ -48,7 +49,7 @@ def as_itk(path: Path, voxels: np.ndarray, origin: tuple[float, ...] = (0, 0, 0)
     return path
 
 
-def grey_under(source: Path, scan: Scan) -> float:
+def grey_under(source: Path | np.ndarray, scan: Scan) -> float:
     found = load_labels(source, scan)
     assert found.labels.shape == scan.shape
     assert len(found) == 3
@@ -139,6 +140,22 @@ def test_labels_that_state_another_voxel_size(tmp_path: Path, labels: np.ndarray
                      metadata={"axes": "ZYX", "unit": "um", "spacing": 20})  # fmt: skip
     with pytest.warns(GrainWarning, match="20 µm, the scan's are 10 µm"):
         load_labels(tmp_path / "l.tif", open_scan(tmp_path / "s.tif", "10 um"))
+
+
+@pytest.mark.parametrize("steps", DIAGONALS[1:])
+def test_labels_without_directions_on_a_scan_that_was_turned(
+    tmp_path: Path, labels: np.ndarray, grey: np.ndarray, steps: np.ndarray
+) -> None:
+    scan = open_scan(write(tmp_path / "s.nrrd", grey, steps))
+    tifffile.imwrite(tmp_path / "stored.tif", labels)
+    assert grey_under(tmp_path / "stored.tif", scan) > 175
+    in_its_order = scan.grid.as_read(labels)
+    np.save(tmp_path / "read.npy", in_its_order)
+    assert grey_under(tmp_path / "read.npy", scan) > 175
+    assert grey_under(in_its_order, scan) > 175
+    flat = dataclasses.replace(scan, voxels=np.full(labels.shape, 7))
+    with pytest.raises(SegmentationError, match="do not tell"):
+        load_labels(tmp_path / "stored.tif", flat)
 
 
 # Written by mbstudio ------------------------------------------------------------------------------------

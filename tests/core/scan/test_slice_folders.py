@@ -26,7 +26,8 @@ def order(folder: Path) -> list[int]:
 @pytest.mark.parametrize(
     "names",
     [[f"slice-{n:03d}.png" for n in (5, 6, 7)], [f"z_{n}.png" for n in (-11, -10, -9)],
-     [f"z_{n}.png" for n in (-1, 0, 1)], [f"-{n}.png" for n in (12, 11, 10)],
+     [f"z_{n}.png" for n in (-1, 0, 1)], [f"z{n}.png" for n in (-1, 0, 1)],
+     [f"-{n}.png" for n in (12, 11, 10)],
      [f"2024-11-{n}_scan.png" for n in (9, 10, 11)], [f"h_{n:.1f}.png" for n in (9.5, 10.0, 10.5)],
      [f"{n}.png" for n in (8, 9, 10)], [f"s_{n}_t{100 + 7 * n}.png" for n in (1, 2, 3)],
      [f"img_{n:02d}.bmp" for n in (1, 2, 3)]],

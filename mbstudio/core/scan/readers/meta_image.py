@@ -17,7 +17,7 @@ from mbstudio.core.scan.readers.family import (
     require_memory,
     side_car,
 )
-from mbstudio.core.scan.readers.orientation import along_axes
+from mbstudio.core.scan.readers.orientation import along_axes, impossible
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode
 from mbstudio.core.scan.readers.text import plain_text
 from mbstudio.core.scan.readers.tiff_lengths import length_unit
@@ -51,10 +51,16 @@ def read(path: Path, options: ReadOptions) -> Reading:
     shape = _shape(fields, path)
     channels = int(_first(fields, "1", "ElementNumberOfChannels"))
     try:
+        steps, origin = _steps(fields, spacing_text)
+        int(fields.get("HeaderSize", "0"))
+    except ValueError as error:
+        raise ScanError(
+            f"The header of {path} holds what is no number ({error}): correct it or export it again."
+        ) from error
+    try:
         raw = _mapped(path, fields, data_start, shape, channels)
         if raw is None:
             raw = _by_itk(path, fields, shape, channels)
-        steps, origin = _steps(fields, spacing_text)
     except (ScanError, MemoryError):
         raise
     except (RuntimeError, ValueError, OSError, KeyError) as error:
@@ -67,6 +73,9 @@ def read(path: Path, options: ReadOptions) -> Reading:
     require_grey_volume(voxels.shape, voxels.dtype, path)
     if spacing_text is None:
         return Reading(voxels, metadata=fields)
+    wrong = impossible(steps)
+    if wrong is not None:
+        return Reading(voxels, metadata=fields, doubt=wrong)
     scale, unit, unit_word = _unit(fields)
     voxels, spacing, corner, flipped = along_axes(voxels, steps * scale, origin * scale, path)
     grid = Grid(steps * scale, origin * scale, unit, flipped)

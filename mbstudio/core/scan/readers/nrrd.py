@@ -19,7 +19,7 @@ from mbstudio.core.scan.readers.family import (
     require_memory,
     side_car,
 )
-from mbstudio.core.scan.readers.orientation import along_axes
+from mbstudio.core.scan.readers.orientation import along_axes, impossible
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
 from mbstudio.core.scan.readers.text import plain_text
 from mbstudio.core.scan.readers.tiff_lengths import length_unit
@@ -42,9 +42,18 @@ def read(path: Path, options: ReadOptions) -> Reading:
     ScanError
         If the file is damaged, cut off, or no grey volume.
     """
+    import nrrd
+
     header, data_start = _header(path)
     try:
         sizes = tuple(int(count) for count in header["sizes"])
+        nrrd.reader._determine_datatype(header)
+    except Exception as error:  # as below
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise ScanError(
+            f"The header of {path} is no complete NRRD header ({reason}): export it again."
+        ) from error
+    try:
         raw = _mapped(path, header, sizes, data_start)
         if raw is None:
             raw = _unpacked(path, header, sizes, data_start)
@@ -61,6 +70,9 @@ def read(path: Path, options: ReadOptions) -> Reading:
     steps, origin, unit, unit_word = _steps(header, axes)
     if steps is None:
         return Reading(voxels, metadata=metadata)
+    wrong = impossible(steps)
+    if wrong is not None:
+        return Reading(voxels, metadata=metadata, doubt=wrong)
     # Bare spacings say nothing of where the axes run.
     grid = Grid(steps, origin, unit) if "space directions" in header else None
     if grid is not None and str(header.get("space", "")).lower() in ("right-anterior-superior", "ras"):

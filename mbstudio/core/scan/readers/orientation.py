@@ -11,6 +11,15 @@ from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.scan import VoxelArray
 
 
+def impossible(steps: Float[np.ndarray, "3 3"]) -> str | None:
+    """Return why steps from voxel to voxel cannot be meant, None if they can; a sentence's end."""
+    spacing = np.linalg.norm(steps, axis=1)
+    if np.isfinite(spacing).all() and spacing.min() > 0:
+        return None
+    edges = " x ".join(f"{edge:g}" for edge in spacing)
+    return f"gives an impossible voxel spacing of {edges} (x, y, z)"
+
+
 def along_axes(
     voxels: VoxelArray, steps: Float[np.ndarray, "3 3"], origin: Float[np.ndarray, "3"], path: Path
 ) -> tuple[VoxelArray, tuple[float, float, float], tuple[float, float, float], tuple[bool, bool, bool]]:

@@ -13,6 +13,8 @@ from mbstudio.core.errors import ScanError
 
 # A sign belongs to the number if no letter or digit stands before it: in "z_-5", not in "slice-005".
 _NUMBER = re.compile(r"(?:(?<![A-Za-z0-9])[-+])?\d+")
+# Where some names have a sign and some have none ("z-1", "z0"), it is one everywhere.
+_SIGNED_NUMBER = re.compile(r"[-+]?\d+")
 # So many files that are of another name are told by name and left out; more are a second series.
 _FEW = 3
 
@@ -54,7 +56,12 @@ def order_slices(images: Sequence[Path], folder: Path) -> SliceOrder:
     by_name = sorted(images, key=lambda file: (natural_key(file.stem), file.name))
     if len(by_name) == 1:
         return SliceOrder(tuple(by_name))
-    series = _series(by_name)
+    number = _NUMBER
+    series = _series(by_name, number)
+    if len(series) > 1:
+        signed = _series(by_name, _SIGNED_NUMBER)
+        if len(signed) < len(series):
+            number, series = _SIGNED_NUMBER, signed
     numbered = {name: files for name, files in series.items() if "#" in name}
     if not numbered:
         note = f"holds slices without numbers, taken in the order of their names, {_run(by_name)}."
@@ -67,30 +74,30 @@ def order_slices(images: Sequence[Path], folder: Path) -> SliceOrder:
             f"The folder {folder} holds images of {len(series)} kinds of names ({kinds}): "
             "keep the slices of one scan in a folder of their own."
         )
-    files, notes = _numbered(series[largest], folder)
+    files, notes = _numbered(series[largest], folder, number)
     return SliceOrder(tuple(files), tuple(rest), notes)
 
 
-def _series(files: Sequence[Path]) -> dict[str, list[Path]]:
+def _series(files: Sequence[Path], number: re.Pattern[str]) -> dict[str, list[Path]]:
     """Return the files by their names without the numbers."""
     series: dict[str, list[Path]] = {}
     for file in files:
-        series.setdefault(_NUMBER.sub("#", file.stem).lower(), []).append(file)
+        series.setdefault(number.sub("#", file.stem).lower(), []).append(file)
     return series
 
 
-def _numbered(files: list[Path], folder: Path) -> tuple[list[Path], tuple[str, ...]]:
+def _numbered(files: list[Path], folder: Path, number: re.Pattern[str]) -> tuple[list[Path], tuple[str, ...]]:
     """Return files whose names differ in numbers alone in their order; ScanError on gaps and doubles."""
     if len(files) == 1:
         return files, ()
-    rows = [[int(number) for number in _NUMBER.findall(file.stem)] for file in files]
+    rows = [[int(word) for word in number.findall(file.stem)] for file in files]
     changing = [column for column in range(len(rows[0])) if len({row[column] for row in rows}) > 1]
     if not changing:
         raise ScanError(
             f"The folder {folder} holds slices of one number ({files[0].name}, {files[1].name}): "
             "keep one image of each slice."
         )
-    positions = _decimal_positions(files, changing)
+    positions = _decimal_positions(files, changing, number)
     if positions is None:
         column = _counter(rows, changing, files, folder)
         positions = [float(row[column]) for row in rows]
@@ -99,13 +106,15 @@ def _numbered(files: list[Path], folder: Path) -> tuple[list[Path], tuple[str, .
     return files, _require_even(files, places, folder)
 
 
-def _decimal_positions(files: Sequence[Path], changing: Sequence[int]) -> list[float] | None:
+def _decimal_positions(
+    files: Sequence[Path], changing: Sequence[int], number: re.Pattern[str]
+) -> list[float] | None:
     """Return heights such as 9.5 and 10.0 in the names, None where there are none."""
     if len(changing) != 2 or changing[1] != changing[0] + 1:
         return None
     positions = []
     for file in files:
-        found = list(_NUMBER.finditer(file.stem))
+        found = list(number.finditer(file.stem))
         first, second = found[changing[0]], found[changing[1]]
         if file.stem[first.end() : second.start()] != ".":
             return None
