@@ -13,7 +13,7 @@ from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.vae.models.style_learner import load_style_learner
 from mbstudio.core.vae.models.training import learn
 from mbstudio.core.vae.shaping.kept_grain import measure_recipes
-from mbstudio.core.vae.shaping.latent import farthest, mean_latent
+from mbstudio.core.vae.shaping.latent import clamp, farthest, mean_latent
 from mbstudio.core.vae.shaping.latent_recipe import Recipe, style_digest
 from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
 from tests.core.vae.boxes import boxes
