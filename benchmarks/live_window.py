@@ -56,14 +56,14 @@ class Hand:
     """
 
     def __init__(self, window: MainWindow, name: str) -> None:
-        self._window, self._slider = window, window.panels_latent.meanings[name].slider
+        self._window, self._slider = window, window.stations.latent.panel.meanings[name].slider
         self._asked: dict[float, float] = {}
         self._shown: float | None = None
         self.late: list[float] = []
         self.frames: list[float] = []
         self.beats: list[float] = []
-        window.latents.live.done.connect(self._arrived)
-        window.panels_latent.meanings[name].moved.connect(
+        window.stations.latent.work.live.done.connect(self._arrived)
+        window.stations.latent.panel.meanings[name].moved.connect(
             lambda to: self._asked.update({to: time.perf_counter()})
         )
         paint = window.viewport.paintEvent
@@ -171,27 +171,27 @@ def measure(learner: StyleLearner, seconds: float, name: str) -> list[tuple[str,
     with tempfile.TemporaryDirectory() as folder:
         settings = QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat)
         window = MainWindow(settings, Theme(settings))
-        window.ask_before_closing = False
+        window.project_files.asks = False
         window.resize(VIEW[0] + 820, VIEW[1] + 300)
         window.show()
         window.enter("latent")
         window.workspace.use_style(learner, "Open style")
-        wait(lambda: window.queue.is_idle and window.latents.meanings is not None)
+        wait(lambda: window.queue.is_idle and window.stations.latent.work.meanings is not None)
         for _ in range(3):  # the view becomes 900 x 600, whatever the docks take
             size = window.viewport.size()
             window.resize(window.width() + VIEW[0] - size.width(), window.height() + VIEW[1] - size.height())
             QCoreApplication.processEvents()
-        wait(lambda: window.latents.live.is_idle and window.queue.is_idle)
+        wait(lambda: window.stations.latent.work.live.is_idle and window.queue.is_idle)
         empty = renders(window)
         hand = Hand(window, name)
         hand.drag(1.0)  # what is compiled and loaded at the first time
         hand.forget()
-        wait(lambda: window.latents.live.is_idle and window.queue.is_idle)
+        wait(lambda: window.stations.latent.work.live.is_idle and window.queue.is_idle)
         watch = Watch()
         spent = hand.drag(seconds)
         busy = watch.stop()
-        wait(lambda: window.latents.live.is_idle and window.queue.is_idle)
-        size, triangles = window.viewport.size(), len(window.latents.grain.triangles)
+        wait(lambda: window.stations.latent.work.live.is_idle and window.queue.is_idle)
+        size, triangles = window.viewport.size(), len(window.stations.latent.work.grain.triangles)
         rows = _rows(hand, spent, seconds, empty, busy)
         window.close()
         del application

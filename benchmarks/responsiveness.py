@@ -88,12 +88,12 @@ def row(name: str, pauses: np.ndarray, rate: float | None = None) -> str:
 def fit(window: MainWindow, heart: Heartbeat, method: str, n: int) -> str:
     """Fit the grain and return its line."""
     arrived: list[float] = []
-    take = window.fits.avatar_moved.connect(lambda *_: arrived.append(time.perf_counter()))
-    panel = window.panels_fit
+    take = window.stations.fit.work.avatar_moved.connect(lambda *_: arrived.append(time.perf_counter()))
+    panel = window.stations.fit.panel
     panel.method.setCurrentIndex(panel.method.findData(method))
     panel.n.setValue(n)
     pauses = heart.during(lambda: window.commands.run("fit.grain"), lambda: window.queue.is_idle)
-    window.fits.avatar_moved.disconnect(take)
+    window.stations.fit.work.avatar_moved.disconnect(take)
     rate = (len(arrived) - 1) / (arrived[-1] - arrived[0]) if len(arrived) > 2 else None
     return row(f"fit, {method}, n = {n}", pauses, rate)
 
@@ -102,7 +102,7 @@ def lay_out(window: MainWindow, heart: Heartbeat, count: int) -> str:
     """Lay bodies out as clones and return the line."""
     rng = np.random.default_rng(5)
     bodies = [Avatar(rng.normal(0, 60, (40, 3)), rng.uniform(100, 900, 40), "um") for _ in range(count)]
-    link = window.link
+    link = window.view
 
     def work() -> None:
         task = Task("Laying out", lambda control: tray_surface(bodies, aspect=1.5, cells=20))
@@ -141,7 +141,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         settings = QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat)
         window = MainWindow(settings, Theme(settings))
-        window.ask_before_closing = False
+        window.project_files.asks = False
         window.resize(1280, 800)
         window.show()
         window.workspace.replace_project(Project(a_grain()))

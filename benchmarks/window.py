@@ -44,7 +44,7 @@ def usable():
     told["memory"] = memory_used() / 2**20
     if sys.argv[1]:
         told["opening"] = time.monotonic()
-        window().files.open_path(Path(sys.argv[1]), "14 um")
+        window().stations.scan.work.open(Path(sys.argv[1]), "14 um")
         timer.start(5)
     else:
         end()
@@ -60,7 +60,7 @@ def look():
 
 def end():
     print(json.dumps(told), flush=True)
-    window().ask_before_closing = False
+    window().project_files.asks = False
     window().close()
 
 timer = QTimer()
@@ -82,7 +82,7 @@ from mbstudio.ui.theme import Theme
 application = app.make_application()
 settings = app.make_settings()
 window = MainWindow(settings, Theme(settings))
-window.ask_before_closing = False
+window.project_files.asks = False
 window.resize(1280, 800)
 window.show()
 
@@ -94,12 +94,12 @@ def idle():
 
 used = []
 for cycle in range(int(sys.argv[2])):
-    window.files.open_path(Path(sys.argv[1]))
+    window.project_files.open_path(Path(sys.argv[1]))
     idle()
     window.enter("fit")
     window.workspace.select(1 + cycle % 3)
     idle()
-    window.files.new_project()
+    window.project_files.new_project()
     idle()
     if cycle % 10 == 9:
         gc.collect()

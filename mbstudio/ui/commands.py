@@ -1,18 +1,18 @@
-"""Every command of the window in one table: menus, tool bar, palette and tests read it."""
+"""Every command of the window in one table: menus, tool bar, buttons, palette and tests read it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QAbstractButton, QWidget
 
 from mbstudio.ui.icons import Icons
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Command:
     """One thing that the person can tell the program to do.
 
@@ -22,7 +22,7 @@ class Command:
         ``station.verb``; stable, for tests and settings.
     title : str
         Imperative, as menus show it; "..." at its end if it asks for more.
-    callback : callable
+    run : callable
         Called without arguments, or with the new state if `checked` is given.
     menu : str
         Menu that it stands in, by its English name.
@@ -36,19 +36,22 @@ class Command:
         Whether it can be used now.
     checked : callable or None
         State of a command that switches something.
+    visible : callable
+        Whether menus and tool bars show it now.
     separated : bool
         Whether a line stands above it in its menu.
     """
 
     id: str
     title: str
-    callback: Callable[..., object]
+    run: Callable[..., object]
     menu: str
     shortcut: str = ""
     icon: str = ""
     tip: str = ""
     enabled: Callable[[], bool] = lambda: True
     checked: Callable[[], bool] | None = None
+    visible: Callable[[], bool] = lambda: True
     separated: bool = False
 
 
@@ -57,36 +60,49 @@ class CommandTable(QObject):
 
     Parameters
     ----------
-    commands : list of Command
     icons : Icons
-    window : QWidget
+    host : QWidget
         Takes the shortcuts.
     """
 
-    def __init__(self, commands: list[Command], icons: Icons, window: QWidget) -> None:
-        super().__init__(window)
-        self._commands = {command.id: command for command in commands}
-        if len(self._commands) != len(commands):
-            raise ValueError("Two commands have the same id.")
+    def __init__(self, icons: Icons, host: QWidget) -> None:
+        super().__init__(host)
+        self._icons, self._host = icons, host
+        self._commands: dict[str, Command] = {}
         self._actions: dict[str, QAction] = {}
+
+    def add(self, commands: Iterable[Command]) -> None:
+        """Take commands in; each gets its action.
+
+        Raises
+        ------
+        ValueError
+            If there is a command of the same id.
+        """
         for command in commands:
-            action = QAction(command.title, window)
-            action.setObjectName(command.id)
-            action.setCheckable(command.checked is not None)
-            if command.shortcut:
-                action.setShortcuts([QKeySequence(keys) for keys in command.shortcut.split("; ")])
-            keys = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
-            tip = command.tip or command.title.rstrip(".")
-            action.setToolTip(f"{tip} ({keys})" if keys else tip)
-            action.setStatusTip(tip)
-            if command.icon:
-                icons.set(action, command.icon)
-            if command.checked is None:
-                action.triggered.connect(lambda _checked=False, call=command.callback: call())
-            else:
-                action.triggered.connect(lambda checked, call=command.callback: call(checked))
-            window.addAction(action)
-            self._actions[command.id] = action
+            if command.id in self._commands:
+                raise ValueError(f"There are two commands “{command.id}”.")
+            self._commands[command.id] = command
+            self._actions[command.id] = self._action_of(command)
+
+    def _action_of(self, command: Command) -> QAction:
+        action = QAction(command.title, self._host)
+        action.setObjectName(command.id)
+        action.setCheckable(command.checked is not None)
+        if command.shortcut:
+            action.setShortcuts([QKeySequence(keys) for keys in command.shortcut.split("; ")])
+        keys = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
+        tip = command.tip or command.title.rstrip(".")
+        action.setToolTip(f"{tip} ({keys})" if keys else tip)
+        action.setStatusTip(tip)
+        if command.icon:
+            self._icons.set(action, command.icon)
+        if command.checked is None:
+            action.triggered.connect(lambda _checked=False, call=command.run: call())
+        else:
+            action.triggered.connect(lambda checked, call=command.run: call(checked))
+        self._host.addAction(action)
+        return action
 
     def __iter__(self) -> Iterator[Command]:
         return iter(self._commands.values())
@@ -104,10 +120,28 @@ class CommandTable(QObject):
             return True
         return False
 
+    def bind(self, button: QAbstractButton, command_id: str) -> None:
+        """Let a button do what a command does, be enabled as it is, and explain itself as it does.
+
+        What the button itself says of what it does stays: it may know more than the menu.
+        """
+        action = self._actions[command_id]
+        keeps_tip = bool(button.toolTip())
+
+        def follow() -> None:
+            button.setEnabled(action.isEnabled())
+            if not keeps_tip:
+                button.setToolTip(action.toolTip())
+
+        action.changed.connect(follow)
+        button.clicked.connect(lambda: self.run(command_id))
+        follow()
+
     def refresh(self) -> None:
-        """Ask every command whether it can be used now, and whether it is switched on."""
+        """Ask every command whether it can be used now, whether it is switched on and to be seen."""
         for command in self:
             action = self._actions[command.id]
             action.setEnabled(command.enabled())
+            action.setVisible(command.visible())
             if command.checked is not None:
                 action.setChecked(command.checked())

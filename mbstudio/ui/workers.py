@@ -18,7 +18,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, Signal
 
 from mbstudio.core.errors import Cancelled
-from mbstudio.ui.soon import Soon
+from mbstudio.ui.deferred_calls import DeferredCalls
 
 log = logging.getLogger(__name__)
 
@@ -282,7 +282,7 @@ class TaskQueue(QObject):
         super().__init__(parent)
         self._running: dict[str, Task] = {}
         self._waiting: dict[str, deque[tuple[str | None, Task]]] = {}
-        self._soon = Soon(self)
+        self._deferred = DeferredCalls(self)
 
     def submit(self, task: Task, lane: str = "work", key: str | None = None) -> Task:
         """Start a task as soon as its lane is free."""
@@ -354,7 +354,7 @@ class TaskQueue(QObject):
         if self._running.get(lane) is task:
             del self._running[lane]
             # Not from within the task's own signal: its last listeners come first.
-            self._soon.call(self._go_on)
+            self._deferred.call(self._go_on)
         # Listeners may hold the task and, through its signals, be held by it: Python sees no such ring.
         task.deleteLater()
         self.changed.emit()

@@ -39,6 +39,8 @@ class Workspace(QObject):
         Label of the grain looked at; one selection for table, view, panels and plots.
     chosen : frozenset of int
         Labels of all chosen grains, `selected` among them: brushing takes many at a time.
+    clone : int or None
+        The clone that is looked at, counted from 1.
     """
 
     state_changed = Signal()
@@ -50,6 +52,7 @@ class Workspace(QObject):
     clones_changed = Signal()
     kept_changed = Signal()
     selection_changed = Signal()
+    clone_changed = Signal()
     project_replaced = Signal()
     recent_changed = Signal()
 
@@ -60,6 +63,7 @@ class Workspace(QObject):
         self.scan: Scan | None = None
         self.selected: int | None = None
         self.chosen: frozenset[int] = frozenset()
+        self.clone: int | None = None
         self._scans: dict[str, Scan] = {}
         self._seen = self.project.state
         self._coalescing: str | None = None
@@ -143,6 +147,18 @@ class Workspace(QObject):
         if fit_settings != self.state.fit_settings:
             self.change(tr("Change fit settings"), coalesce=True, fit_settings=fit_settings)
 
+    @property
+    def undo_title(self) -> str | None:
+        """The change that undo takes back; None where there is none."""
+        history = self.project.history
+        return history.undo_title if history.can_undo else None
+
+    @property
+    def redo_title(self) -> str | None:
+        """The change that redo makes again; None where there is none."""
+        history = self.project.history
+        return history.redo_title if history.can_redo else None
+
     def undo(self) -> None:
         """Take the last change back."""
         self._coalescing = None
@@ -210,6 +226,14 @@ class Workspace(QObject):
         rest = self.chosen - given if given <= self.chosen else self.chosen | given
         self.choose(sorted(rest), next(iter(sorted(given & rest)), None))
 
+    def select_clone(self, clone: int | None) -> None:
+        """Look at one clone, counted from 1, or at none."""
+        if clone is not None and (self.clones is None or not 1 <= clone <= len(self.clones)):
+            clone = None
+        if clone != self.clone:
+            self.clone = clone
+            self.clone_changed.emit()
+
     def _labels(self) -> set[int]:
         grains = self.state.grains
         return set() if grains is None else {int(label) for label in grains.table["label"]}
@@ -258,7 +282,10 @@ class Workspace(QObject):
         if all_of_it or now.style is not before.style:
             self.style_changed.emit()
         if all_of_it or now.clones is not before.clones:
+            before_clone, self.clone = self.clone, None
             self.clones_changed.emit()
+            if before_clone is not None:
+                self.clone_changed.emit()
         if all_of_it or now.kept is not before.kept:
             self.kept_changed.emit()
         if all_of_it or now.fit_settings != before.fit_settings or now.segmentation != before.segmentation:

@@ -21,7 +21,7 @@ from mbstudio.core.vae.models.training import learn
 from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.theme import Theme
-from mbstudio.ui.view.viewport import Viewport
+from mbstudio.ui.viewport import Viewport
 from tests.core.vae.boxes import boxes
 
 PATIENCE = 120_000  # milliseconds that a test waits for work before it gives up
@@ -113,8 +113,8 @@ def theme(qapp, settings):
 @pytest.fixture
 def window(qtbot, settings, theme):
     window = MainWindow(settings, theme)
-    window.ask_before_closing = False
-    window.fits.shows_spheres = False
+    window.project_files.asks = False
+    window.stations.fit.work.shows_spheres = False
     window.resize(1280, 800)
     window.show()
     qtbot.waitExposed(window)
@@ -162,7 +162,7 @@ def scan_path(tmp_path_factory):
 @pytest.fixture
 def scanned(window, idle, scan_path):
     """The window with the scan opened."""
-    window.files.open_path(scan_path, "14 um")
+    window.stations.scan.work.open(scan_path, "14 um")
     idle()
     return window
 
@@ -210,7 +210,7 @@ def rest(qtbot, window, idle):
     def wait():
         for _ in range(2):
             idle()
-            qtbot.waitUntil(lambda: window.latents.live.is_idle, timeout=PATIENCE)
+            qtbot.waitUntil(lambda: window.stations.latent.work.live.is_idle, timeout=PATIENCE)
             QCoreApplication.processEvents()
 
     return wait

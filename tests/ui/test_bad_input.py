@@ -55,7 +55,7 @@ def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_fi
         if name.endswith(".mbs"):
             drop(window, bad_files / name)
         else:
-            window.files.open_path(bad_files / name, "14 um")
+            window.stations.scan.work.open(bad_files / name, "14 um")
         idle()
     assert not exceptions
     assert window.messages.level == "error"
@@ -66,7 +66,7 @@ def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_fi
 
 
 def test_voxels_that_are_all_equal_hold_no_grains(window, idle, bad_files):
-    window.files.open_path(bad_files / "constant.npy", "14 um")
+    window.stations.scan.work.open(bad_files / "constant.npy", "14 um")
     idle()
     assert window.commands.run("grains.find")
     idle()
@@ -78,7 +78,7 @@ def test_voxels_that_are_no_numbers_are_refused(window, idle, tmp_path):
     voxels = np.random.default_rng(0).random((12, 12, 12)).astype(np.float32)
     voxels[5, 4, 3] = np.nan
     np.save(tmp_path / "broken.npy", voxels)
-    window.files.open_path(tmp_path / "broken.npy", "14 um")
+    window.stations.scan.work.open(tmp_path / "broken.npy", "14 um")
     idle()
     window.commands.run("grains.find")
     idle()
@@ -89,7 +89,7 @@ def test_voxels_that_are_no_numbers_are_refused(window, idle, tmp_path):
 
 def test_half_a_project_file_is_refused(segmented, idle, tmp_path):
     window = segmented
-    window.projects.save(tmp_path / "whole.mbs")
+    window.project_work.save(tmp_path / "whole.mbs")
     idle()
     before = window.workspace.state
     content = (tmp_path / "whole.mbs").read_bytes()
@@ -143,7 +143,7 @@ def test_a_scan_without_voxel_size_is_asked_about(window, idle, tmp_path):
 def test_a_raw_file_shorter_than_its_shape_cannot_be_opened(window, idle, tmp_path):
     path = tmp_path / "short.raw"
     path.write_bytes(bytes(1000))
-    window.files.open_path(path)
+    window.project_files.open_path(path)
     (dialog,) = window.findChildren(ScanDialog)
     dialog.size_field.setText("14")
     for field in dialog.shape_fields:
@@ -164,7 +164,7 @@ def test_labels_of_another_shape_are_refused(segmented, idle, tmp_path):
     window = segmented
     before = window.workspace.state.grains
     np.save(tmp_path / "labels.npy", np.ones((5, 5, 5), dtype=np.int32))
-    window.grains.load(tmp_path / "labels.npy")
+    window.stations.grains.work.load(tmp_path / "labels.npy")
     idle()
     assert window.messages.level == "error"
     assert window.workspace.state.grains is before
@@ -174,7 +174,7 @@ def test_a_folder_that_cannot_be_written_loses_nothing(segmented, idle, tmp_path
     window = segmented
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    window.projects.save(blocked / "sand.mbs")
+    window.project_work.save(blocked / "sand.mbs")
     idle()
     assert window.messages.level == "error"
     assert str(blocked) in window.messages.text
@@ -229,13 +229,13 @@ def test_a_project_of_a_newer_version_is_refused_and_says_what_to_do(segmented, 
 def moved_scan(window, idle, tmp_path, scan_path):
     """A project file whose scan lies elsewhere now, and that place."""
     scan = shutil.copy(scan_path, tmp_path / "scan.tif")
-    window.files.open_path(scan, "14 um")
+    window.stations.scan.work.open(scan, "14 um")
     idle()
     assert window.commands.run("grains.find")
     idle()
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
-    window.files.new_project()
+    window.project_files.new_project()
     (tmp_path / "elsewhere").mkdir()
     return tmp_path / "sand.mbs", shutil.move(scan, tmp_path / "elsewhere" / "scan.tif")
 
@@ -245,7 +245,7 @@ def test_a_missing_scan_is_asked_for_and_work_goes_on_without(
 ):
     project, scan = moved_scan
     messages.clear()
-    window.files.open_path(project)
+    window.project_files.open_path(project)
     idle()
     (warning,) = [text for level, text in messages if level == "warning"]
     assert "scan.tif is not there" in warning
@@ -271,24 +271,24 @@ def test_a_missing_scan_is_asked_for_and_work_goes_on_without(
 
 def test_closing_while_a_fit_runs_keeps_what_it_has_reached(segmented, idle, tmp_path, qtbot):
     window = segmented
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
     label = window.workspace.state.grains.interior_labels[0]
     window.workspace.select(label)
-    window.panels_fit.method.setCurrentIndex(window.panels_fit.method.findData("paper"))
-    window.projects.save(tmp_path / "sand.mbs")
+    window.stations.fit.panel.method.setCurrentIndex(window.stations.fit.panel.method.findData("paper"))
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
     assert window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) > 3, timeout=PATIENCE)
     assert not window.workspace.is_modified
-    window.ask_before_closing = True
+    window.project_files.asks = True
     window.close()
-    window.files.leaving.cancel.click()
+    window.project_files.leaving.cancel.click()
     assert window.isVisible()
-    assert window.fits.is_running, "called off: it goes on"
+    assert window.stations.fit.work.run.is_running, "called off: it goes on"
     window.close()
-    assert f"“Fitting grain {label}” is still running" in window.files.leaving.text
-    window.files.leaving.save.click()
+    assert f"“Fitting grain {label}” is still running" in window.project_files.leaving.text
+    window.project_files.leaving.save.click()
     qtbot.waitUntil(lambda: not window.isVisible(), timeout=PATIENCE)
     with Project.open(tmp_path / "sand.mbs") as saved:
         assert list(saved.fits) == [label]
@@ -316,12 +316,12 @@ def test_an_unplugged_drive_loses_nothing(segmented, idle, tmp_path, messages):
     window = segmented
     drive = tmp_path / "drive"
     drive.mkdir()
-    window.projects.save(drive / "sand.mbs")
+    window.project_work.save(drive / "sand.mbs")
     idle()
     shutil.rmtree(drive)
     window.workspace.change_fit_settings(n=77)
     messages.clear()
-    window.files.save()
+    window.project_files.save()
     idle()
     ((level, text),) = messages
     assert level == "error"
@@ -329,7 +329,7 @@ def test_an_unplugged_drive_loses_nothing(segmented, idle, tmp_path, messages):
     assert window.workspace.is_modified
     assert window.workspace.state.fit_settings.n == 77
     # Elsewhere it can be saved.
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
     with Project.open(tmp_path / "sand.mbs") as saved:
         assert saved.state.fit_settings.n == 77

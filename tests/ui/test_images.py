@@ -21,7 +21,6 @@ from mbstudio.core.scan import sample_scan
 from mbstudio.core.vae.generate.generator import generate
 from mbstudio.core.vae.models.training import learn
 from mbstudio.core.vae.serialize.serializer import serialize
-from mbstudio.ui.view.view_commands import STATIONS
 
 SIZES = {"": QSize(1280, 800), "-large": QSize(2560, 1440)}
 FITTED = 10
@@ -87,7 +86,7 @@ def test_every_station(window, idle, qtbot, request, tmp_path, sample_state, the
     window.workspace.replace_project(project)
     window.workspace.give_scan(scan)
     idle()
-    for station, *_ in STATIONS:
+    for station in [station.id for station in window.stations]:
         window.enter(station)
         if station in ("fit", "populations"):
             window.workspace.select(sorted(state.fits)[2])

@@ -142,23 +142,23 @@ def test_what_is_said_and_remembered_is_translated(window, with_grains, idle, qt
     said = []
     window.messages.shown.connect(lambda *_: said.append(window.messages.text))
 
-    window.use_n(6)
+    window.stations.fit.link.use_n(6)
     window.workspace.select(1)
     assert window.commands.run("fit.grain")
     idle()
     assert window.workspace.state.fits
-    window.files.save_figure(tmp_path / "figure.bmp")
+    window.stations.populations.link.save_figure(tmp_path / "figure.bmp")
     window.pictures.copy()
-    window.files.save_screenshot(tmp_path / "view.png")
-    window.files.tell_missing_scan("")
-    window.shaping.pick("A")
-    chosen = window.panels_export.chosen()
-    window.exports.export(chosen, "stl", tmp_path / "dem", {"unit": "mm", "options": {}})
-    window.populations.write_report(tmp_path / "report.html")
+    window.pictures.save(tmp_path / "view.png")
+    window.project_files.tell_missing_scan("")
+    window.stations.latent.link.pick("A")
+    chosen = window.stations.export.panel.chosen()
+    window.stations.export.work.export(chosen, "stl", tmp_path / "dem", {"unit": "mm", "options": {}})
+    window.stations.populations.work.write_report(tmp_path / "report.html")
     idle()
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
-    window.tools.measure("angle")
+    window.view_tools.measure("angle")
     hint = window.statusBar().currentMessage()
 
     assert len(said) >= 9
@@ -236,16 +236,16 @@ def left_out(window, known=()):
 
 
 def test_no_widget_of_the_empty_window_stands_outside(window, idle):
-    for station in window.panels:
+    for station in [station.id for station in window.stations]:
         window.enter(station)
         idle()
     window.shell.open_preferences()
     window.shell.open_shortcuts()
     window.shell.start_tour()
     window.about()
-    window.open_palette()
-    window.files.ask_about_scan(Path("heap.raw"), "", raw=True)
-    window.show_sweep(True)
+    window.command_palette.open()
+    window.project_files.ask_about_scan(Path("heap.raw"), "", raw=True)
+    window.stations.fit.show_sweep(True)
     for shown in ("panel.history", "panel.log", "panel.bodies"):
         window.commands.run(shown)
     left = left_out(window, {"heap.raw", platform.platform()})
@@ -260,10 +260,10 @@ def test_no_widget_of_a_window_at_work_stands_outside(window, with_grains, shapi
     clones = generate(learner, 6, 3)
     window.workspace.use_clones(clones)
     rest()
-    for station in window.panels:
+    for station in [station.id for station in window.stations]:
         window.enter(station)
         rest()
-    window.latents.keep()
+    window.stations.latent.work.keep()
     for shown in ("panel.history", "panel.log", "panel.bodies"):
         window.commands.run(shown)
     rest()

@@ -20,7 +20,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.ui.icons import application_icon
 from mbstudio.ui.language import install_translation, tr
 from mbstudio.ui.shell.collection import pause_collection, resume_collection
-from mbstudio.ui.shell.message_bar import Level
+from mbstudio.ui.studio import Level
 from mbstudio.ui.theme import Theme
 
 log = logging.getLogger(__name__)
@@ -82,11 +82,11 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
 
     def begin() -> None:
         if project_path is not None:
-            window.files.open_path(Path(project_path))
+            window.project_files.open_path(Path(project_path))
         elif scan is not None:
-            window.files.open_path(Path(scan))
+            window.project_files.open_path(Path(scan))
         elif sample:
-            window.files.open_sample()
+            window.commands.run("scan.sample")
         window.shell.begin()
         # Once the window is painted and answers.
         QTimer.singleShot(0, resume_collection)

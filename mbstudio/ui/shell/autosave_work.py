@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import replace
 from pathlib import Path
 
 from platformdirs import user_state_path
@@ -13,8 +12,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer, Signal
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave, Project, ProjectState
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.fit.work import FitWork
-from mbstudio.ui.stations.style.work import StyleWork
+from mbstudio.ui.stations.registry import Stations
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -50,13 +48,12 @@ class AutosaveWork(Work):
         self,
         workspace: Workspace,
         queue: TaskQueue,
-        fits: FitWork,
-        styles: StyleWork,
+        stations: Stations,
         settings: QSettings,
         parent: QObject,
     ) -> None:
         super().__init__(workspace, queue, parent)
-        self._settings, self._fits, self._styles = settings, fits, styles
+        self._settings, self._stations = settings, stations
         self._own: Autosave | None = None
         self._task: Task | None = None
         self._kept: ProjectState | None = None  # what was written last
@@ -72,8 +69,8 @@ class AutosaveWork(Work):
         self._timer.setSingleShot(True)
         self._timer.timeout.connect(self.write_now)
         workspace.state_changed.connect(self._changed)
-        fits.arrived.connect(self._changed)
-        styles.arrived.connect(self._changed)
+        for station in stations:
+            station.arrived.connect(self._changed)
 
     @property
     def seconds(self) -> int:
@@ -92,14 +89,16 @@ class AutosaveWork(Work):
 
     def state_to_keep(self) -> ProjectState | None:
         """Return the project with what is half done; None where the file holds all."""
-        state, arrived, style = self.workspace.state, self._fits.arrived_fits, self._styles.arrived_style
-        if arrived or style is not None:
-            parts = (state, style, *arrived.values())
+        state = self.workspace.state
+        found = [half for station in self._stations if (half := station.half_done) is not None]
+        if found:
+            parts = (state, *(part for half in found for part in half.parts))
             if len(parts) != len(self._parts) or any(
                 a is not b for a, b in zip(parts, self._parts, strict=True)
             ):
-                state = state if style is None else replace(state, style=style)
-                self._parts, self._joined = parts, state.with_fits(arrived) if arrived else state
+                for half in found:
+                    state = half.join(state)
+                self._parts, self._joined = parts, state
             return self._joined
         worth_it = state.scan is not None or state.grains is not None or state.style is not None
         return state if self.workspace.is_modified and worth_it else None

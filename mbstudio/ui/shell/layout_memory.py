@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from PySide6.QtCore import QObject
-from PySide6.QtWidgets import QDockWidget
+from PySide6.QtWidgets import QMainWindow
 
 import mbstudio
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.shell.dialogs.preferences import is_on
-from mbstudio.ui.soon import Soon
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
+from mbstudio.ui.shell.docks import Docks
+from mbstudio.ui.stations.registry import Stations
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
 
 CAMERAS = 20  # projects whose camera is remembered
-FREE = ("history", "log", "bodies")
-"""Docks that belong to no station: they stay as they are wherever one goes."""
 
 
 class LayoutMemory(QObject):
@@ -25,58 +24,53 @@ class LayoutMemory(QObject):
 
     Parameters
     ----------
-    window : MainWindow
+    window : QMainWindow
+    studio : Studio
+    stations : Stations
+    docks : Docks
+    view : SceneView
     """
 
-    def __init__(self, window: MainWindow) -> None:
+    def __init__(
+        self, window: QMainWindow, studio: Studio, stations: Stations, docks: Docks, view: SceneView
+    ) -> None:
         super().__init__(window)
-        self._window, self._settings = window, window.settings
+        self._window, self._stations, self._docks, self._view = window, stations, docks, view
+        self._space, self._settings, self._viewport = studio.workspace, studio.settings, studio.viewport
         self.hidden: dict[str, set[str]] = {}
         self._shown_before: set[str] = set()
         self._wanted: Any = None
-        self._soon = Soon(self)
-
-    @property
-    def docks(self) -> dict[str, QDockWidget]:
-        """The docks that can be hidden, by name."""
-        window = self._window
-        docks = window.findChildren(QDockWidget)
-        return {dock.objectName(): dock for dock in docks if dock is not window.side_dock}
+        self._deferred = DeferredCalls(self)
+        docks.arranged.connect(self.apply)
 
     # ---- panels --------------------------------------------------------------------------------
 
     def restore(self) -> None:
         """Put the panels as they stood when the window was closed last."""
-        window = self._window
-        if not is_on(window.workspace, "layout/kept"):
+        if not is_on(self._space, "layout/kept"):
             return
         # Only of this version: another one may have other docks.
         state = self._settings.value(f"layout/{mbstudio.__version__}")
         sized = _record(self._settings.value("layout/sized"))
-        if state is not None and window.restoreState(state):
-            window._sized.extend(dock for name, dock in self.docks.items() if sized.get(name))
+        if state is not None and self._window.restoreState(state):
+            self._docks.sized |= {name for name in self._docks.names if sized.get(name)}
         self.hidden = {
             station: set(names) for station, names in _record(self._settings.value("layout/hidden")).items()
         }
 
     def note(self, _checked: bool = False) -> None:
         """Take down what is hidden at the station that is open: the person has just said so."""
-        window = self._window
-        gone = self.hidden.setdefault(window.station, set())
-        for name, dock in self.docks.items():
-            if name in FREE:
-                continue
-            if dock.isHidden() and name in self._shown_before:
-                gone.add(name)
-            elif not dock.isHidden():
-                gone.discard(name)
+        gone = self.hidden.setdefault(self._stations.current.id, set())
+        seen = self._docks.visible
+        gone |= self._shown_before - seen - self._docks.free
+        gone -= seen
 
     def apply(self) -> None:
         """Hide what the person has hidden at this station."""
-        self._shown_before = {name for name, dock in self.docks.items() if not dock.isHidden()}
-        for name in self.hidden.get(self._window.station, ()):
-            dock = self.docks.get(name)
-            if dock is not None:
+        self._shown_before = self._docks.visible
+        gone = self.hidden.get(self._stations.current.id, set())
+        for dock in self._docks:
+            if dock.name in gone:
                 dock.hide()
 
     def forget(self) -> None:
@@ -85,9 +79,8 @@ class LayoutMemory(QObject):
 
     def save(self) -> None:
         """Write down how the panels and the camera stand."""
-        window = self._window
-        self._settings.setValue(f"layout/{mbstudio.__version__}", window.saveState())
-        names = {name: dock in window._sized for name, dock in self.docks.items()}
+        self._settings.setValue(f"layout/{mbstudio.__version__}", self._window.saveState())
+        names = {name: name in self._docks.sized for name in self._docks.names}
         self._settings.setValue("layout/sized", json.dumps(names))
         hidden = {station: sorted(names) for station, names in self.hidden.items() if names}
         self._settings.setValue("layout/hidden", json.dumps(hidden))
@@ -97,12 +90,12 @@ class LayoutMemory(QObject):
 
     def save_camera(self) -> None:
         """Write down from where the project is looked at."""
-        path = self._window.workspace.project.path
-        if path is None or not self._window.has_view:
+        path = self._space.project.path
+        if path is None or not self._view.has_content:
             return
         cameras = _record(self._settings.value("layout/cameras"))
         cameras.pop(str(path.resolve()), None)
-        camera = self._window.viewport.plotter.camera
+        camera = self._viewport.plotter.camera
         places = [camera.position, camera.focal_point, camera.up]
         cameras[str(path.resolve())] = [list(map(float, place)) for place in places]
         newest = dict(list(cameras.items())[-CAMERAS:])
@@ -110,12 +103,12 @@ class LayoutMemory(QObject):
 
     def project_opened(self) -> None:
         """Look at the project from where it was looked at last, once it is shown."""
-        path = self._window.workspace.project.path
+        path = self._space.project.path
         cameras = _record(self._settings.value("layout/cameras"))
         self._wanted = None
-        if path is not None and is_on(self._window.workspace, "layout/kept"):
+        if path is not None and is_on(self._space, "layout/kept"):
             self._wanted = cameras.get(str(path.resolve()))
-        if self._window.workspace.state.scan is None:
+        if self._space.state.scan is None:
             self.use_camera()
 
     def use_camera(self) -> None:
@@ -125,12 +118,12 @@ class LayoutMemory(QObject):
             return
 
         def take() -> None:
-            camera = self._window.viewport.plotter.camera
+            camera = self._viewport.plotter.camera
             camera.position, camera.focal_point, camera.up = wanted
-            self._window.viewport.plotter.renderer.ResetCameraClippingRange()
-            self._window.viewport.request_render()
+            self._viewport.plotter.renderer.ResetCameraClippingRange()
+            self._viewport.request_render()
 
-        self._soon.call(take)
+        self._deferred.call(take)
 
 
 def _record(text: Any) -> dict[str, Any]:

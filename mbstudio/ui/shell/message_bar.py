@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton
 
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.studio import Level
 
-Level = Literal["info", "success", "warning", "error"]
 _ICONS = {
     "info": ("ph.info", "info"),
     "success": ("ph.check-circle", "success"),
@@ -24,9 +23,18 @@ GOOD_NEWS = 8_000  # milliseconds until info and success go by themselves
 
 
 class MessageBar(QFrame):
-    """One line at a time; warnings and errors stay until they are closed or replaced."""
+    """One line at a time; warnings and errors stay until they are closed or replaced.
+
+    Attributes
+    ----------
+    shown : signal (str, str)
+        Level and text.
+    gone : signal
+        No message is to be seen any more.
+    """
 
     shown = Signal(str, str)
+    gone = Signal()
 
     def __init__(self, icons: Icons) -> None:
         super().__init__()
@@ -88,6 +96,10 @@ class MessageBar(QFrame):
         """Take the message away."""
         self._timer.stop()
         self.hide()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        super().hideEvent(event)
+        self.gone.emit()
 
     def _act(self) -> None:
         callback = self._callback

@@ -6,15 +6,8 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QProgressBar, QToolBut
 
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import tr
+from mbstudio.ui.widgets.numbers import readable_time
 from mbstudio.ui.workers import Report, Task, TaskQueue
-
-
-def readable_time(seconds: float) -> str:
-    """Return a duration in words: "12 s", "3 min", "1 h 20 min"."""
-    if seconds < 90:
-        return f"{max(1, round(seconds))} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
 class TaskStrip(QWidget):

@@ -1,4 +1,4 @@
 """The view in the middle of the window: 3-D scene, slices, tools, pictures.
 
-Begin at `view_link`, which keeps the scene in step with the workspace; `viewport` is the widget itself.
+Begin at `scene_view`, which keeps the scene in step with the workspace; `viewport` is the widget itself.
 """

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.comparison import Comparison
+from mbstudio.ui.view.pictures import Pictures
+from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.view.view_tools import ViewTools
 
 TOOLS = (
     "view.measure_distance",
@@ -24,135 +25,123 @@ TOOLS = (
 """What the button Tools above the view offers."""
 
 
-def tool_commands(window: MainWindow) -> list[Command]:
+def tool_commands(
+    studio: Studio, view: SceneView, tools: ViewTools, comparison: Comparison, pictures: Pictures
+) -> list[Command]:
     """Return the commands of the tools."""
-    comparing = window.comparing
     side_by_side = Command(
-        "view.side_by_side",
-        tr("Side by side: grain, avatar, clone"),
-        comparing.show,
-        "Tools",
-        "Ctrl+Alt+S",
-        "ph.columns",
-        tr("Show grain, avatar and clone next to each other, turned together"),
-        lambda: comparing.is_offered,
-        lambda: comparing.is_shown,
+        id="view.side_by_side",
+        title=tr("Side by side: grain, avatar, clone"),
+        run=comparison.show,
+        menu="Tools",
+        shortcut="Ctrl+Alt+S",
+        icon="ph.columns",
+        tip=tr("Show grain, avatar and clone next to each other, turned together"),
+        enabled=lambda: comparison.is_offered,
+        checked=lambda: comparison.is_shown,
         separated=True,
     )
-    return [*_measuring(window), *_clipping(window), side_by_side, *_pictures(window)]
+    return [
+        *_measuring(studio, view, tools),
+        *_clipping(view, tools),
+        side_by_side,
+        *_pictures(view, pictures),
+    ]
 
 
-def _measuring(window: MainWindow) -> list[Command]:
-    tools = window.tools
+def _measuring(studio: Studio, view: SceneView, tools: ViewTools) -> list[Command]:
     return [
         Command(
-            "view.measure_distance",
-            tr("Measure a distance"),
-            partial(tools.measure, "distance"),
-            "Tools",
-            "Ctrl+Alt+D",
-            "ph.ruler",
-            tr("Click two points of a surface or slice"),
-            lambda: window.has_view,
-            lambda: tools.measuring == "distance",
+            id="view.measure_distance",
+            title=tr("Measure a distance"),
+            run=partial(tools.measure, "distance"),
+            menu="Tools",
+            shortcut="Ctrl+Alt+D",
+            icon="ph.ruler",
+            tip=tr("Click two points of a surface or slice"),
+            enabled=lambda: view.has_content,
+            checked=lambda: tools.measuring == "distance",
             separated=True,
         ),
         Command(
-            "view.measure_angle",
-            tr("Measure an angle"),
-            partial(tools.measure, "angle"),
-            "Tools",
-            "Ctrl+Alt+A",
-            "ph.triangle",
-            tr("Click three points, the second is the corner"),
-            lambda: window.has_view,
-            lambda: tools.measuring == "angle",
+            id="view.measure_angle",
+            title=tr("Measure an angle"),
+            run=partial(tools.measure, "angle"),
+            menu="Tools",
+            shortcut="Ctrl+Alt+A",
+            icon="ph.triangle",
+            tip=tr("Click three points, the second is the corner"),
+            enabled=lambda: view.has_content,
+            checked=lambda: tools.measuring == "angle",
         ),
         Command(
-            "view.measure_clear",
-            tr("Clear measurements"),
-            tools.clear,
-            "Tools",
-            "Esc",
-            "ph.eraser",
-            tr("Take all measurements away and end measuring"),
-            # Esc belongs to the message above the view as long as there is one.
-            lambda: tools.holds_measurements and not window.messages.text,
+            id="view.measure_clear",
+            title=tr("Clear measurements"),
+            run=tools.clear,
+            menu="Tools",
+            shortcut="Esc",
+            icon="ph.eraser",
+            tip=tr("Take all measurements away and end measuring"),
+            enabled=lambda: tools.holds_measurements and not studio.messages.text,
         ),
     ]
 
 
-def _clipping(window: MainWindow) -> list[Command]:
-    tools = window.tools
+def _clipping(view: SceneView, tools: ViewTools) -> list[Command]:
     return [
         Command(
-            "view.clip",
-            tr("Clipping box"),
-            tools.clip,
-            "Tools",
-            "Ctrl+Alt+C",
-            "ph.crop",
-            tr("Cut surfaces and volume open: drag the middles of the box's faces, or the sliders"),
-            lambda: window.has_view,
-            lambda: tools.is_clipping,
+            id="view.clip",
+            title=tr("Clipping box"),
+            run=tools.clip,
+            menu="Tools",
+            shortcut="Ctrl+Alt+C",
+            icon="ph.crop",
+            tip=tr("Cut surfaces and volume open: drag the middles of the box's faces, or the sliders"),
+            enabled=lambda: view.has_content,
+            checked=lambda: tools.is_clipping,
             separated=True,
         ),
         Command(
-            "view.clip_reset",
-            tr("Reset the clipping box"),
-            tools.reset_clip,
-            "Tools",
-            "",
-            "ph.arrows-out",
-            tr("Put its faces back to the ends of what is shown"),
-            lambda: tools.is_clipping,
+            id="view.clip_reset",
+            title=tr("Reset the clipping box"),
+            run=tools.reset_clip,
+            menu="Tools",
+            icon="ph.arrows-out",
+            tip=tr("Put its faces back to the ends of what is shown"),
+            enabled=lambda: tools.is_clipping,
         ),
     ]
 
 
-def _pictures(window: MainWindow) -> list[Command]:
-    pictures = window.pictures
+def _pictures(view: SceneView, pictures: Pictures) -> list[Command]:
     return [
         Command(
-            "view.copy_picture",
-            tr("Copy picture of the view"),
-            pictures.copy,
-            "Tools",
-            "Ctrl+Alt+P",
-            "ph.copy",
-            tr("Put the 3-D view into the clipboard"),
-            lambda: window.has_view,
+            id="view.copy_picture",
+            title=tr("Copy picture of the view"),
+            run=pictures.copy,
+            menu="Tools",
+            shortcut="Ctrl+Alt+P",
+            icon="ph.copy",
+            tip=tr("Put the 3-D view into the clipboard"),
+            enabled=lambda: view.has_content,
             separated=True,
         ),
         Command(
-            "view.turntable",
-            tr("Save turntable…"),
-            window.files.ask_turntable,
-            "Tools",
-            "",
-            "ph.film-strip",
-            tr("Write the view turning once around: GIF, MP4 or a PNG for each frame"),
-            lambda: window.has_view and not pictures.is_turning,
-        ),
-        Command(
-            "view.save_curve",
-            tr("Save convergence curve…"),
-            window.files.ask_curve,
-            "Tools",
-            "",
-            "ph.chart-line",
-            tr("Save the curve of the chosen grain's fit as SVG, PNG or PDF"),
-            lambda: window.workspace.selected in window.workspace.state.fits,
+            id="view.turntable",
+            title=tr("Save turntable…"),
+            run=pictures.ask_turntable,
+            menu="Tools",
+            icon="ph.film-strip",
+            tip=tr("Write the view turning once around: GIF, MP4 or a PNG for each frame"),
+            enabled=lambda: view.has_content and not pictures.is_turning,
         ),
         *(
             Command(
-                f"view.picture_{scale}",
-                title,
-                partial(pictures.use_scale, scale),
-                "Tools",
-                "",
-                "",
-                tr(
+                id=f"view.picture_{scale}",
+                title=title,
+                run=partial(pictures.use_scale, scale),
+                menu="Tools",
+                tip=tr(
                     "Save, copy and turn the view with {scale} × {scale} pixels for each of the screen's",
                     scale=scale,
                 )

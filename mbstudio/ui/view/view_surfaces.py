@@ -22,7 +22,6 @@ from mbstudio.scene.surfaces import (
     label_surface,
 )
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.fit.work import FitWork
 from mbstudio.ui.workers import Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
@@ -47,7 +46,6 @@ class ViewSurfaces(QObject):
     Parameters
     ----------
     workspace : Workspace
-    fits : FitWork
     queue : TaskQueue
     scene : Scene
     kind : str
@@ -59,16 +57,19 @@ class ViewSurfaces(QObject):
         Factors of the chosen grain and its avatar.
     taken : signal
         Something new is in the scene.
+    live_label : callable
+        Label of the grain whose avatar is being fitted: that avatar is drawn by others as it moves.
     """
 
     factors_ready = Signal(object, object)
     taken = Signal()
 
     def __init__(
-        self, workspace: Workspace, fits: FitWork, queue: TaskQueue, scene: Scene, kind: str, parent: QObject
+        self, workspace: Workspace, queue: TaskQueue, scene: Scene, kind: str, parent: QObject
     ) -> None:
         super().__init__(parent)
-        self._workspace, self._fits, self._queue, self._scene = workspace, fits, queue, scene
+        self._workspace, self._queue, self._scene = workspace, queue, scene
+        self.live_label: Callable[[], int | None] = lambda: None
         self._overview, self._volume = DETAIL[kind]
         self._factors: dict[int, ShapeFactors] = {}
         self._shown_grain: int | None = None
@@ -131,7 +132,7 @@ class ViewSurfaces(QObject):
         def take(chosen: _Chosen) -> None:
             self._factors[label] = chosen.grain_factors
             self._scene.layers.grain.set(chosen.grain, grains.unit)
-            if self._fits.running_label != label:
+            if self.live_label() != label:
                 self._scene.layers.avatar.set(chosen.avatar)
                 self._scene.layers.points.set(chosen.points)
             self.factors_ready.emit(chosen.grain_factors, chosen.avatar_factors)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from PySide6.QtCore import QEvent, QObject
+from PySide6.QtCore import QObject
 
 from mbstudio.scene.tools.measurements import POINTS, Kind
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.soon import Soon
+from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.clip_bar import ClipBar
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
+from mbstudio.ui.view.scene_view import SceneView
 
 _HINTS = {
     "distance": mark("Measure a distance: click two points of a surface or slice. Esc ends."),
@@ -26,7 +22,8 @@ class ViewTools(QObject):
 
     Parameters
     ----------
-    window : MainWindow
+    studio : Studio
+    view : SceneView
 
     Attributes
     ----------
@@ -34,28 +31,20 @@ class ViewTools(QObject):
         What the next clicks are for.
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._link, self._scene = window, window.link, window.link.scene
+    def __init__(self, studio: Studio, view: SceneView) -> None:
+        super().__init__(studio)
+        self._studio, self._view, self._scene = studio, view, view.scene
         self.measuring: Kind | None = None
-        self.bar = ClipBar(window.icons)
+        self.bar = ClipBar(studio.icons)
         self.bar.hide()
         self.bar.moved.connect(self._clip_moved)
         self.bar.reset.connect(self.reset_clip)
         self.bar.closed.connect(lambda: self.clip(False))
         self._scene.clip.changed = self._clip_dragged
-        window.viewport.grips.append(self._scene.clip)
-        window.viewport.clicked.connect(self._clicked)
-        window.workspace.scan_changed.connect(self.clear)
-        window.workspace.project_replaced.connect(self._leave)
-        self._soon = Soon(self)
-        window.messages.installEventFilter(self)
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.Hide:
-            # Esc belongs to the measurements again.
-            self._soon.call(self._window.refresh)
-        return super().eventFilter(watched, event)
+        studio.viewport.grips.append(self._scene.clip)
+        studio.viewport.clicked.connect(self._clicked)
+        studio.workspace.scan_changed.connect(self.clear)
+        studio.workspace.project_replaced.connect(self._leave)
 
     # ---- measuring -------------------------------------------------------------------------------
 
@@ -68,13 +57,13 @@ class ViewTools(QObject):
         """Take clicks for distances or angles, or take them no longer."""
         self._scene.measurements.drop_unfinished()
         self.measuring = kind if wanted else None
-        self._link.picking = self.measuring is None
+        self._view.picking = self.measuring is None
         if self.measuring is None:
-            self._window.statusBar().clearMessage()
+            self._studio.give_hint("")
         else:
-            self._window.statusBar().showMessage(tr(_HINTS[kind]))
-        self._window.commands.refresh()
-        self._link.draw()
+            self._studio.give_hint(tr(_HINTS[kind]))
+        self._studio.commands.refresh()
+        self._view.draw()
 
     def clear(self) -> None:
         """Take all measurements away and end measuring."""
@@ -86,7 +75,7 @@ class ViewTools(QObject):
             return
         hit = self._scene.pick(x, y)
         if hit is None:
-            self._window.statusBar().showMessage(tr("There is no surface or slice under the mouse."))
+            self._studio.give_hint(tr("There is no surface or slice under the mouse."))
             return
         measurement = self._scene.measurements.add_point(self.measuring, hit.point)
         if measurement.is_complete:
@@ -98,9 +87,9 @@ class ViewTools(QObject):
                 point=len(measurement.points),
                 points=POINTS[self.measuring],
             )
-        self._window.statusBar().showMessage(words)
-        self._window.commands.refresh()
-        self._link.draw()
+        self._studio.give_hint(words)
+        self._studio.commands.refresh()
+        self._view.draw()
 
     # ---- clipping --------------------------------------------------------------------------------
 
@@ -112,7 +101,7 @@ class ViewTools(QObject):
         self._scene.clip.switch(wanted and points is not None)
         self._clip_dragged()
         self.bar.setVisible(self._scene.clip.is_on)
-        self._window.commands.refresh()
+        self._studio.commands.refresh()
 
     def reset_clip(self) -> None:
         """Put all faces back to the ends of what is shown."""
@@ -128,11 +117,11 @@ class ViewTools(QObject):
 
     def _clip_moved(self, axis: int, low: float, high: float) -> None:
         self._scene.clip.set_share(axis, low, high)
-        self._link.draw()
+        self._view.draw()
 
     def _clip_dragged(self) -> None:
         self.bar.show_shares([(float(low), float(high)) for low, high in self._scene.clip.shares])
-        self._link.draw()
+        self._view.draw()
 
     def _leave(self) -> None:
         self.clear()

@@ -20,8 +20,8 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListView, QListWidget, QListWidgetItem
 from PySide6.QtWidgets import QVBoxLayout as Column
 
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.language import tr
-from mbstudio.ui.soon import Soon
 from mbstudio.ui.widgets.forms import label
 
 MIME = "application/x-mbstudio-grain"
@@ -64,7 +64,7 @@ class GrainStrip(QListWidget):
     def __init__(self, name: str, *, named_by_hand: bool = False) -> None:
         super().__init__()
         self._named_by_hand = named_by_hand
-        self._soon = Soon(self)
+        self._deferred = DeferredCalls(self)
         triggers = QAbstractItemView.EditTrigger
         self.setEditTriggers(triggers.EditKeyPressed if named_by_hand else triggers.NoEditTriggers)
         self.itemChanged.connect(self._changed)
@@ -115,7 +115,7 @@ class GrainStrip(QListWidget):
         name = str(item.data(_NAME))
         if item.text() != name:
             # Not from within the editor, whose grain goes when the strip is filled anew.
-            self._soon.call(partial(self.renamed.emit, name, item.text()))
+            self._deferred.call(partial(self.renamed.emit, name, item.text()))
 
     def set_picture(self, name: str, picture: QPixmap) -> None:
         """Show a picture that was made meanwhile."""

@@ -21,3 +21,11 @@ def readable_power_unit(value: float, unit: str, power: int) -> str:
         if excess < least or (excess == least and name == unit):
             best, least = name, excess
     return best
+
+
+def readable_time(seconds: float) -> str:
+    """Return a duration in words: "12 s", "3 min", "1 h 20 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

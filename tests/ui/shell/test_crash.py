@@ -48,7 +48,7 @@ def restore(main):
         space = main.workspace
         tell(n=space.state.fit_settings.n, grains=len(space.state.grains), path=str(space.project.path),
              modified=main.isWindowModified())
-        main.ask_before_closing = False
+        main.project_files.asks = False
         main.close()
 
 timer = QTimer()

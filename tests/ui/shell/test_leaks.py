@@ -11,7 +11,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.ui.shell.main_window import MainWindow
-from mbstudio.ui.view.viewport import make_viewport
+from mbstudio.ui.viewport import make_viewport
 from tests.ui.conftest import PATIENCE, delete_later_now, living
 
 
@@ -43,21 +43,21 @@ def test_a_window_leaves_nothing(window, idle):
 def use_and_close(qtbot, settings, theme, grains):
     """Look at a grain at every station with the tools of the view, close, and return what may not stay."""
     window = MainWindow(settings, theme)
-    window.ask_before_closing = False
+    window.project_files.asks = False
     window.show()
     qtbot.waitExposed(window)
     window.workspace.replace_project(Project(ProjectState(grains=grains)))
     window.workspace.select(1)
-    for station in window.panels:
+    for station in [station.id for station in window.stations]:
         window.enter(station)
         qtbot.waitUntil(lambda: window.queue.is_idle, timeout=PATIENCE)
-    window.tools.measure("distance")
-    window.tools.clip(True)
-    window.tools.clear()
-    window.tools.clip(False)
+    window.view_tools.measure("distance")
+    window.view_tools.clip(True)
+    window.view_tools.clear()
+    window.view_tools.clip(False)
     window.shell.begin()
     qtbot.waitUntil(lambda: window.queue.is_idle, timeout=PATIENCE)
-    scene, space = window.link.scene, window.workspace
+    scene, space = window.view.scene, window.workspace
     mortal = {"window": window, "scene": scene, "workspace": space, "queue": window.queue}
     watched = {name: weakref.ref(thing) for name, thing in mortal.items()}
     window.close()

@@ -16,18 +16,18 @@ def unsaved(window, idle, tmp_path, qtbot):
     """The window with a small scan that no project file holds."""
     path = tmp_path / "box.npy"
     np.save(path, np.zeros((8, 8, 8), np.uint8))
-    window.files.open_path(path, "14 um")
+    window.stations.scan.work.open(path, "14 um")
     idle()
     window.activateWindow()
     qtbot.waitUntil(window.isActiveWindow, timeout=PATIENCE)
-    window.ask_before_closing = True
+    window.project_files.asks = True
     yield window
-    window.ask_before_closing = False
+    window.project_files.asks = False
 
 
 def test_closing_asks_without_blocking_and_esc_calls_it_off(unsaved, qtbot):
-    window, card = unsaved, unsaved.files.leaving
-    window.table.setFocus()
+    window, card = unsaved, unsaved.project_files.leaving
+    window.stations.grains.table.setFocus()
     assert window.close() is False
     assert window.isVisible()
     assert card.isVisible()
@@ -47,7 +47,7 @@ def test_closing_asks_without_blocking_and_esc_calls_it_off(unsaved, qtbot):
 
 
 def test_the_keyboard_reaches_every_answer(unsaved, qtbot):
-    window, card = unsaved, unsaved.files.leaving
+    window, card = unsaved, unsaved.project_files.leaving
     window.close()
     reached = [QApplication.focusWidget()]
     for _ in range(2):
@@ -63,10 +63,10 @@ def test_saving_writes_the_project_and_then_closes(unsaved, qtbot, tmp_path, mon
     names = ["", str(path)]
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *args: (names.pop(0), ""))
     window.close()
-    window.files.leaving.save.click()
+    window.project_files.leaving.save.click()
     assert window.isVisible(), "no file was chosen"
     window.close()
-    qtbot.keyClick(window.files.leaving.save, Qt.Key.Key_Return)
+    qtbot.keyClick(window.project_files.leaving.save, Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: not window.isVisible(), timeout=PATIENCE)
     with Project.open(path) as saved:
         assert saved.state.scan is not None
@@ -74,7 +74,7 @@ def test_saving_writes_the_project_and_then_closes(unsaved, qtbot, tmp_path, mon
 
 def test_the_last_question_counts(unsaved, idle):
     """Closing is asked for, then a new project instead: the window stays."""
-    window, card = unsaved, unsaved.files.leaving
+    window, card = unsaved, unsaved.project_files.leaving
     window.close()
     assert window.commands.run("project.new")
     card.discard.click()

@@ -21,7 +21,6 @@ from mbstudio.core.project import Autosave, Project, ProjectState
 from mbstudio.ui.shell.autosave_work import autosave_folder
 from mbstudio.ui.shell.dialogs.about import AboutBox
 from mbstudio.ui.shell.dialogs.cheat_sheet import shortcuts
-from mbstudio.ui.shell.dialogs.guide import SECTIONS
 from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.workers import Task
 from tests.ui.conftest import delete_later_now
@@ -34,7 +33,7 @@ def another_window(settings, theme, qtbot):
 
     def make():
         window = MainWindow(settings, theme)
-        window.ask_before_closing = False
+        window.project_files.asks = False
         window.show()
         made.append(window)
         return window
@@ -65,7 +64,7 @@ def test_a_click_in_the_history_goes_back_and_forth(with_grains, idle):
         assert window.workspace.state.fit_settings.n == n
         assert history.currentRow() == row
         assert history.count() == 4, "what was undone can still be made again"
-    window.undo()
+    window.undo.undo()
     assert history.currentRow() == 2
     with pytest.raises(ProjectError, match="3 changes, not 4"):
         window.workspace.go_to(4)
@@ -159,12 +158,11 @@ def test_the_cheat_sheet_shows_every_shortcut(window, qtbot):
 
 
 def test_the_question_mark_of_a_panel_opens_the_guide_there(window, idle):
-    assert set(SECTIONS) == set(window.panels)
-    for station, heading in SECTIONS.items():
-        window.enter(station)
-        QTest.mouseClick(window.panels[station].help, Qt.MouseButton.LeftButton)
+    for station in window.stations:
+        window.enter(station.id)
+        QTest.mouseClick(station.panel.help, Qt.MouseButton.LeftButton)
         idle()
-        assert window.shell._guide.heading() == heading
+        assert window.shell._guide.heading() == station.guide
 
 
 def test_the_tour_has_five_steps_and_comes_once(window, settings):
@@ -188,31 +186,31 @@ def test_what_was_hidden_at_a_station_stays_hidden_there(with_grains, idle, anot
     window = with_grains
     window.enter("fit")
     assert window.commands.run("panel.curve")
-    assert window.curve_dock.isHidden()
+    assert window.docks["curve"].isHidden()
     window.enter("grains")
     window.enter("fit")
-    assert window.curve_dock.isHidden()
-    assert not window.table_dock.isHidden()
+    assert window.docks["curve"].isHidden()
+    assert not window.docks["table"].isHidden()
     window.close()
     later = another_window()
     later.workspace.replace_project(Project(ProjectState(grains=two_grains)))
     later.enter("fit")
-    assert later.curve_dock.isHidden()
+    assert later.docks["curve"].isHidden()
     assert later.commands.run("panel.reset")
-    assert not later.curve_dock.isHidden()
+    assert not later.docks["curve"].isHidden()
 
 
 def test_the_camera_of_a_project_comes_back(segmented, idle, tmp_path):
     window = segmented
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
-    window.link.look_from("left")
+    window.view.look_from("left")
     window.viewport.plotter.camera.zoom(1.7)
     seen = [tuple(place) for place in window.viewport.plotter.camera_position]
     window.shell.memory.save_camera()
-    window.files.new_project()
-    window.link.look_from("top")
-    window.files.open_path(tmp_path / "sand.mbs")
+    window.project_files.new_project()
+    window.view.look_from("top")
+    window.project_files.open_path(tmp_path / "sand.mbs")
     idle()
     idle()
     for place, expected in zip(window.viewport.plotter.camera_position, seen, strict=True):
@@ -296,7 +294,7 @@ def test_a_saved_project_and_a_clean_end_leave_nothing(with_grains, idle, tmp_pa
     window.shell.autosaves.write_now()
     idle()
     assert len(list(autosave_folder().glob("*/note.json"))) == 1
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
     window.shell.autosaves.write_now()
     idle()
@@ -309,7 +307,7 @@ def test_a_saved_project_and_a_clean_end_leave_nothing(with_grains, idle, tmp_pa
 
 def test_avatars_that_arrive_one_by_one_are_kept_before_the_last_is_there(with_grains, idle):
     window = with_grains
-    fits = window.fits
+    fits = window.stations.fit.work
     grains = window.workspace.state.grains
     item = type("Item", (), {"label": 1, "result": object()})()
     fits._arrived = (grains, [item])
@@ -354,7 +352,7 @@ def test_a_waiting_task_is_taken_out_of_the_queue(window, idle, qtbot):
 
     for name in ("first", "second", "third"):
         window.queue.submit(Task(f"The {name}", work(name)))
-    strip = window.strip
+    strip = window.task_strip
     assert strip._title.text() == "The first"
     assert strip._queued.text() == "+ 2 waiting"
     strip.waiting_menu.aboutToShow.emit()

@@ -12,6 +12,7 @@ import pytest
 import trimesh
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QFileDialog
 from scipy.ndimage import distance_transform_edt
 
 import mbstudio
@@ -23,7 +24,7 @@ from tests.ui.conftest import PATIENCE
 
 def choose_in_table(window, label):
     """Click the row of a grain."""
-    table = window.table
+    table = window.stations.grains.table
     row = table.labels_in_order().index(label)
     place = table.visualRect(table.model().index(row, 0)).center()
     QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=place)
@@ -31,22 +32,22 @@ def choose_in_table(window, label):
 
 def silhouette(window, layer):
     """Return the mask of pixels that a layer covers, seen from the present camera."""
-    flatten(window.link.scene, layer)
+    flatten(window.view.scene, layer)
     return window.viewport.picture().mean(axis=2) > 127
 
 
 def test_from_scan_to_dem_files(window, scanned, idle, qtbot, tmp_path):
     state = lambda: window.workspace.state  # noqa: E731
     assert window.workspace.scan.shape == (64, 64, 64)
-    assert window.panels_scan._values["Voxel size"].text() == "14 µm"
+    assert window.stations.scan.panel._values["Voxel size"].text() == "14 µm"
     seen = window.viewport.picture()
     assert seen.std() > 10, "the slices are not to be seen"
 
-    QTest.mouseClick(window.panels_grains.find_button, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.stations.grains.panel.find_button, Qt.MouseButton.LeftButton)
     idle()
     assert len(state().grains) == 3
     assert sorted(state().grains.table["touches_border"]) == [False, False, True]
-    assert window.table.model().rowCount() == 3
+    assert window.stations.grains.table.model().rowCount() == 3
 
     label = state().grains.interior_labels[0]
     window.enter("fit")
@@ -55,20 +56,20 @@ def test_from_scan_to_dem_files(window, scanned, idle, qtbot, tmp_path):
     idle()
     assert window.workspace.selected == label
 
-    window.panels_fit.n.setValue(20)
+    window.stations.fit.panel.n.setValue(20)
     arrived = []
-    window.fits.losses_arrived.connect(lambda fitted, losses: arrived.extend(losses))
-    QTest.mouseClick(window.panels_fit.fit_button, Qt.MouseButton.LeftButton)
-    assert window.fits.is_running
+    window.stations.fit.work.losses_arrived.connect(lambda fitted, losses: arrived.extend(losses))
+    QTest.mouseClick(window.stations.fit.panel.fit_button, Qt.MouseButton.LeftButton)
+    assert window.stations.fit.work.run.is_running
     idle()
     fit = state().fits[label]
     # Every generation reached the window, in order, and stands in the curve.
     np.testing.assert_allclose(arrived, fit.history)
-    np.testing.assert_allclose(window.curve.losses, fit.history)
+    np.testing.assert_allclose(window.stations.fit.curve.losses, fit.history)
     assert fit.avatar.n <= 20
     assert fit.verdict.valid
     # The factors of both stand beside each other.
-    shown = window.panels_fit.factors
+    shown = window.stations.fit.panel.factors
     assert float(shown.item(2, 1).text()) == pytest.approx(1.0, abs=0.08)
     assert float(shown.item(2, 1).text()) == pytest.approx(float(shown.item(2, 2).text()), abs=0.03)
 
@@ -82,21 +83,21 @@ def test_from_scan_to_dem_files(window, scanned, idle, qtbot, tmp_path):
     assert distance.mean() < 0.01 * across + 1
     assert distance.max() < 0.05 * across + 2
 
-    window.undo()
+    window.undo.undo()
     assert label not in state().fits
-    assert window.curve.losses == []
-    window.redo()
+    assert window.stations.fit.curve.losses == []
+    window.undo.redo()
     assert label in state().fits
 
     path = tmp_path / "sand.mbs"
-    window.projects.save(path)
+    window.project_work.save(path)
     idle()
     assert not window.workspace.is_modified
     with mbstudio.Project.open(path) as project:
         np.testing.assert_array_equal(project.fits[label].avatar.centers, fit.avatar.centers)
 
     window.enter("export")
-    panel = window.panels_export
+    panel = window.stations.export.panel
     panel.target.setCurrentIndex(panel.target.findData("stl"))
     panel.folder.setText(str(tmp_path / "stl"))
     QTest.mouseClick(panel.export_button, Qt.MouseButton.LeftButton)
@@ -118,7 +119,7 @@ def test_from_scan_to_dem_files(window, scanned, idle, qtbot, tmp_path):
 
 
 def test_the_export_panel_offers_every_target_with_options_it_takes(window):
-    panel = window.panels_export
+    panel = window.stations.export.panel
     assert [panel.target.itemData(row) for row in range(panel.target.count())] == list(targets())
     for row, target in enumerate(targets().values()):
         panel.target.setCurrentIndex(row)
@@ -133,7 +134,7 @@ def test_the_export_panel_offers_every_target_with_options_it_takes(window):
 
 def test_the_grain_under_the_mouse_is_chosen(segmented, idle):
     window = segmented
-    window.link.look_from("top")
+    window.view.look_from("top")
     idle()
     label = window.workspace.state.grains.interior_labels[1]
     # Where does the centre of that grain stand in the picture?
@@ -149,33 +150,33 @@ def test_the_grain_under_the_mouse_is_chosen(segmented, idle):
     place.setY(round(window.viewport.height() - y / ratio))
     QTest.mouseClick(window.viewport, Qt.MouseButton.LeftButton, pos=place)
     assert window.workspace.selected == label
-    assert window.table.currentIndex().isValid()
+    assert window.stations.grains.table.currentIndex().isValid()
 
 
 def test_a_fit_pauses_and_goes_on_and_stops(segmented, idle, qtbot):
     window = segmented
     label = window.workspace.state.grains.interior_labels[0]
     window.workspace.select(label)
-    window.panels_fit.method.setCurrentIndex(window.panels_fit.method.findData("paper"))
+    window.stations.fit.panel.method.setCurrentIndex(window.stations.fit.panel.method.findData("paper"))
     idle()
     assert window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
-    window.fits.pause()
-    assert window.panels_fit.pause_button.text() == "Resume"
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) > 3, timeout=PATIENCE)
+    window.stations.fit.work.run.pause_or_resume()
+    assert window.stations.fit.panel.pause_button.text() == "Resume"
     qtbot.wait(300)  # the step that was under way may still arrive
-    count = len(window.curve.losses)
+    count = len(window.stations.fit.curve.losses)
     qtbot.wait(300)
-    assert len(window.curve.losses) == count
+    assert len(window.stations.fit.curve.losses) == count
     assert label not in window.workspace.state.fits
-    window.fits.pause()
-    qtbot.waitUntil(lambda: len(window.curve.losses) > count, timeout=PATIENCE)
-    window.fits.stop()
+    window.stations.fit.work.run.pause_or_resume()
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) > count, timeout=PATIENCE)
+    window.stations.fit.work.run.stop()
     idle()
     stopped = window.workspace.state.fits[label]
     assert len(stopped.history) < 1500
     # And on from there, with more control points.
-    window.panels_fit.n.setValue(45)
-    window.panels_fit.more.setValue(5)
+    window.stations.fit.panel.n.setValue(45)
+    window.stations.fit.panel.more.setValue(5)
     assert window.commands.run("fit.more")
     idle()
     assert window.workspace.state.fits[label] is not stopped
@@ -187,28 +188,28 @@ def test_fitting_all_is_one_step_of_undo(segmented, idle):
     assert window.commands.run("fit.all")
     idle()
     assert sorted(window.workspace.state.fits) == window.workspace.state.grains.interior_labels
-    window.undo()
+    window.undo.undo()
     assert not window.workspace.state.fits
 
 
 def test_spinning_a_setting_is_one_step_of_undo(segmented):
     window = segmented
     for n in (41, 42, 43):
-        window.panels_fit.n.setValue(n)
+        window.stations.fit.panel.n.setValue(n)
     assert window.workspace.state.fit_settings.n == 43
-    window.undo()
+    window.undo.undo()
     assert window.workspace.state.fit_settings.n == 40
-    assert window.panels_fit.n.value() == 40
+    assert window.stations.fit.panel.n.value() == 40
 
 
 def test_the_project_comes_back_with_its_scan(segmented, idle, tmp_path, qtbot):
     window = segmented
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
-    window.files.new_project()
+    window.project_files.new_project()
     assert window.workspace.state.grains is None
     assert window._pages.currentIndex() == 0
-    window.files.open_path(tmp_path / "sand.mbs")
+    window.project_files.open_path(tmp_path / "sand.mbs")
     qtbot.waitUntil(lambda: window.workspace.scan is not None, timeout=PATIENCE)
     idle()
     assert len(window.workspace.state.grains) == 3
@@ -218,14 +219,14 @@ def test_the_project_comes_back_with_its_scan(segmented, idle, tmp_path, qtbot):
 
 def test_every_command_runs_or_is_disabled(segmented, idle, monkeypatch, tmp_path, qtbot):
     window = segmented
-    window.projects.save(tmp_path / "sand.mbs")
+    window.project_work.save(tmp_path / "sand.mbs")
     idle()
     small = SimpleNamespace(scan=replace(window.workspace.scan, path=None))
     monkeypatch.setattr("mbstudio.ui.stations.scan.work.sample_scan", lambda: small)
     nothing = lambda *args, **kwargs: ("", "")  # noqa: E731
     for name in ("getOpenFileName", "getSaveFileName"):
-        monkeypatch.setattr(f"mbstudio.ui.shell.file_actions.QFileDialog.{name}", nothing)
-    monkeypatch.setattr("mbstudio.ui.shell.file_actions.QFileDialog.getExistingDirectory", lambda *args: "")
+        monkeypatch.setattr(QFileDialog, name, nothing)
+    monkeypatch.setattr(QFileDialog, "getExistingDirectory", lambda *args: "")
     with qtbot.captureExceptions() as exceptions:
         for command in window.commands:
             if command.id in ("window.quit", "project.new"):
@@ -254,21 +255,21 @@ def test_commands_without_anything_to_work_on_are_disabled(window):
 
 def test_the_palette_finds_and_runs_a_command(segmented, qtbot):
     window = segmented
-    window.open_palette()
-    window.palette_box.type("dark")
-    assert window.palette_box.titles() == ["View: Theme: dark"]
-    QTest.keyClick(window.palette_box._search, Qt.Key.Key_Return)
+    window.command_palette.open()
+    window.command_palette.type("dark")
+    assert window.command_palette.titles() == ["View: Theme: dark"]
+    QTest.keyClick(window.command_palette._search, Qt.Key.Key_Return)
     assert window.theme.is_dark
-    assert not window.palette_box.isVisible()
+    assert not window.command_palette.isVisible()
 
 
 def test_both_themes_paint_window_and_view(scanned, idle):
     window = scanned
     brightness = {}
     for choice in ("light", "dark"):
-        window.choose_theme(choice)
+        window.commands.run(f"theme.{choice}")
         idle()
-        image = window.panels_scan.grab().toImage()
+        image = window.stations.scan.panel.grab().toImage()
         brightness[choice] = (
             image.pixelColor(image.width() // 2, image.height() - 4).lightness(),
             int(window.viewport.picture()[5, 5].mean()),

@@ -39,7 +39,7 @@ def test_grain_and_avatar_stand_side_by_side_and_the_view_comes_back(fitted, idl
     assert grain > 60, "the grain's sand colour"
     assert avatar < -60, "the avatar's blue"
     assert abs(clone) < 40, "no clone yet"
-    columns = window.link.scene.layers.side_by_side
+    columns = window.view.scene.layers.side_by_side
     captions = [caption.GetInput() for caption, _ in columns._texts]
     assert captions == ["Grain 1", f"Avatar, n = {window.workspace.state.fits[1].avatar.n}", "Clone"]
     # A click chooses nothing there: what it would choose is not to be seen.
@@ -56,14 +56,14 @@ def test_it_is_left_with_its_stations_and_comes_back_with_them(fitted, idle):
     idle()
     window.enter("grains")
     idle()
-    assert not window.link.scene.layers.side_by_side.is_shown
+    assert not window.view.scene.layers.side_by_side.is_shown
     assert not window.commands.run("view.side_by_side"), "not at this station"
     window.enter("fit")
     idle()
-    assert window.link.scene.layers.side_by_side.is_shown
+    assert window.view.scene.layers.side_by_side.is_shown
     window.workspace.select(2)
     idle()
-    captions = [caption.GetInput() for caption, _ in window.link.scene.layers.side_by_side._texts]
+    captions = [caption.GetInput() for caption, _ in window.view.scene.layers.side_by_side._texts]
     assert captions[:2] == ["Grain 2", "Avatar"]
     grain, avatar, _ = thirds(window)
     assert grain > 60
@@ -73,14 +73,14 @@ def test_it_is_left_with_its_stations_and_comes_back_with_them(fitted, idle):
 def test_the_convergence_curve_is_saved_as_a_drawing(fitted, idle, tmp_path):
     window = fitted
     for name in ("curve.svg", "curve.pdf"):
-        window.files.save_curve(tmp_path / name)
+        window.stations.fit.link.save_curve(tmp_path / name)
         idle()
         assert window.messages.level == "success", window.messages.text
     drawing = (tmp_path / "curve.svg").read_text()
     assert drawing.lstrip().startswith("<?xml")
     assert drawing.count("<path") > 5
     assert (tmp_path / "curve.pdf").read_bytes().startswith(b"%PDF")
-    window.files.save_curve(tmp_path / "curve.doc")
+    window.stations.fit.link.save_curve(tmp_path / "curve.doc")
     assert window.messages.level == "error"
     window.workspace.select(2)
     assert not window.commands.run("view.save_curve"), "grain 2 has no fit"

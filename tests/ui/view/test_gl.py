@@ -19,10 +19,10 @@ def test_the_real_viewport_shows_scan_grains_and_avatar(segmented, idle, qtbot):
     assert window.commands.run("fit.grain")
     idle()
     both = window.viewport.picture()
-    window.link.show_layer("avatar", False)
+    window.view.show_layer("avatar", False)
     assert (both != window.viewport.picture()).any(axis=2).mean() > 0.01
     # What the screen shows is what was rendered.
-    window.link.show_layer("avatar", True)
+    window.view.show_layer("avatar", True)
     window.viewport.render_now()
     qtbot.wait(200)
     grabbed = window.screen().grabWindow(window.winId()).toImage()
@@ -48,7 +48,7 @@ def test_many_chosen_grains_stand_out_in_the_real_viewport(segmented, idle):
 @pytest.mark.gl
 def test_a_click_chooses_a_grain(segmented, idle):
     window = segmented
-    window.link.look_from("top")
+    window.view.look_from("top")
     label = window.workspace.state.grains.interior_labels[0]
     window.viewport.render_now()
     renderer = window.viewport.plotter.renderer
@@ -62,10 +62,10 @@ def test_a_click_chooses_a_grain(segmented, idle):
 @pytest.mark.gl
 def test_a_slice_is_dragged_in_the_real_viewport(scanned, idle):
     window, viewport = scanned, scanned.viewport
-    window.link.look_from("front")
+    window.view.look_from("front")
     idle()
     viewport.render_now()
-    slices = window.link.scene.layers.slices.planes
+    slices = window.view.scene.layers.slices.planes
     corner = slices.corners("z")[0]
     above = corner + np.array([0, 0, 10 * slices.spacing("z")])
     places = to_display(viewport.plotter.renderer, np.array([corner, above]))
@@ -110,7 +110,7 @@ def test_the_clipping_box_cuts_in_the_real_viewport(segmented, idle):
     idle()
     before = window.viewport.picture().astype(int)
     assert window.commands.run("view.clip")
-    window.tools.bar.sliders[2].setValue((0, 300))
+    window.view_tools.bar.sliders[2].setValue((0, 300))
     idle()
     cut = window.viewport.picture().astype(int)
     height = min(len(cut), len(before))

@@ -13,7 +13,7 @@ from mbstudio.scene import camera
 @pytest.fixture
 def looking(with_grains, idle):
     with_grains.enter("grains")
-    with_grains.link.look_from("front")
+    with_grains.view.look_from("front")
     idle()
     return with_grains
 
@@ -26,11 +26,11 @@ def covered(picture):
 def test_a_picture_twice_as_fine_shows_the_same(looking, idle, tmp_path):
     window = looking
     assert window.commands.run("view.picture_1")
-    window.files.save_screenshot(tmp_path / "one.png")
+    window.pictures.save(tmp_path / "one.png")
     window.messages.dismiss()
     idle()
     assert window.commands.run("view.picture_2")
-    window.files.save_screenshot(tmp_path / "two.png")
+    window.pictures.save(tmp_path / "two.png")
     one, two = imageio.imread(tmp_path / "one.png"), imageio.imread(tmp_path / "two.png")
     assert two.shape == (2 * one.shape[0], 2 * one.shape[1], 3)
     assert covered(two).mean() == pytest.approx(covered(one).mean(), rel=0.05)

@@ -54,13 +54,13 @@ def wheel(widget, steps, modifiers=Qt.KeyboardModifier.NoModifier):
 @pytest.fixture
 def panes(scanned, idle):
     idle()
-    assert scanned.slices_dock.isVisible()
-    return scanned.slice_panes.panes
+    assert scanned.docks["slices"].isVisible()
+    return scanned.slice_views.panes.panes
 
 
 def test_a_pane_shows_the_voxels_of_its_plane(scanned, panes):
     scan, pane = scanned.workspace.scan, panes["y"]
-    slices = scanned.link.scene.layers.slices.planes
+    slices = scanned.view.scene.layers.slices.planes
     index = slices.index["y"]
     shown = pane.grab().toImage()
     ratio = shown.devicePixelRatio()
@@ -74,7 +74,7 @@ def test_a_pane_shows_the_voxels_of_its_plane(scanned, panes):
 
 
 def test_the_wheel_moves_the_slice_in_every_place_where_it_shows(scanned, panes):
-    link, panel = scanned.link, scanned.panels_scan
+    link, panel = scanned.view, scanned.stations.scan.panel
     wheel(panes["z"], 3)
     assert link.scene.layers.slices.planes.index["z"] == 35
     assert panel.sliders["z"].number.value() == 35
@@ -89,7 +89,7 @@ def test_the_wheel_moves_the_slice_in_every_place_where_it_shows(scanned, panes)
 def test_a_click_moves_both_other_slices(scanned, panes):
     pane = panes["z"]
     QTest.mouseClick(pane, Qt.MouseButton.LeftButton, pos=pane.place_of(10, 50).toPoint())
-    index = scanned.link.scene.layers.slices.planes.index
+    index = scanned.view.scene.layers.slices.planes.index
     assert abs(index["x"] - 10) <= 1
     assert abs(index["y"] - 50) <= 1
     assert index["z"] == 32
@@ -97,16 +97,16 @@ def test_a_click_moves_both_other_slices(scanned, panes):
 
 def test_the_slider_of_the_panel_moves_the_panes(scanned, panes):
     before = panes["x"].grab().toImage()
-    scanned.panels_scan.sliders["x"].slider.setValue(5)
+    scanned.stations.scan.panel.sliders["x"].slider.setValue(5)
     assert panes["z"]._cross[0] == 5
     assert panes["x"].grab().toImage() != before
 
 
 def test_a_slice_dragged_in_space_moves_the_pane(scanned, panes, idle):
     window, viewport = scanned, scanned.viewport
-    window.link.look_from("front")
+    window.view.look_from("front")
     viewport.render_now()
-    slices = window.link.scene.layers.slices.planes
+    slices = window.view.scene.layers.slices.planes
     corner = slices.corners("z")[0]
     above = corner + np.array([0, 0, 10 * slices.spacing("z")])
     places = to_display(viewport.plotter.renderer, np.array([corner, above]))
@@ -119,19 +119,19 @@ def test_a_slice_dragged_in_space_moves_the_pane(scanned, panes, idle):
     drag(viewport, Qt.MouseButton.LeftButton, start, end)
     assert abs(slices.index["z"] - 42) <= 1
     assert panes["x"]._cross[1] == slices.index["z"]
-    assert window.panels_scan.sliders["z"].number.value() == slices.index["z"]
+    assert window.stations.scan.panel.sliders["z"].number.value() == slices.index["z"]
     assert viewport.plotter.renderer.GetActiveCamera().GetPosition() == camera, "the view was not turned"
 
 
 def test_dragging_with_the_right_button_changes_the_grey_window(scanned, panes):
-    slices = scanned.link.scene.layers.slices.planes
+    slices = scanned.view.scene.layers.slices.planes
     low, high = slices.window
     start = QPointF(panes["z"].rect().center())
     drag(panes["z"], Qt.MouseButton.RightButton, start, start + QPointF(40, 0))
     # 40 of 200 pixels to the right: a fifth wider, the middle where it was.
     assert slices.window[1] - slices.window[0] == pytest.approx(1.2 * (high - low))
     assert sum(slices.window) == pytest.approx(low + high)
-    assert f"Black {slices.window[0]:,.0f}" in scanned.panels_scan._range_text.text()
+    assert f"Black {slices.window[0]:,.0f}" in scanned.stations.scan.panel._range_text.text()
     dark = panes["x"].grab().toImage()
     low, high = slices.window
     drag(panes["z"], Qt.MouseButton.RightButton, start, start + QPointF(0, -40))
@@ -142,37 +142,37 @@ def test_dragging_with_the_right_button_changes_the_grey_window(scanned, panes):
 def test_the_status_bar_tells_place_grey_value_and_grain(segmented, idle):
     window = segmented
     idle()
-    pane, scan = window.slice_panes.panes["z"], window.workspace.scan
+    pane, scan = window.slice_views.panes.panes["z"], window.workspace.scan
     labels = window.workspace.state.grains.labels
     column, row = 40, 42
     z = 42
-    window.link.move_slice("z", z)
+    window.view.move_slice("z", z)
     hover(pane, pane.place_of(column, row))
-    words = window.slicing.readout.text()
+    words = window.slice_views.readout.text()
     # Voxels of 14 µm from the origin.
     assert words.startswith("x 560 µm   y 588 µm   z 588 µm")
     assert f"grey {int(scan.voxels[z, row, column])}" in words
     assert labels[z, row, column] > 0
     assert words.endswith(f"grain {labels[z, row, column]}")
     hover(pane, pane.place_of(2, 60))
-    assert window.slicing.readout.text().endswith("no grain")
+    assert window.slice_views.readout.text().endswith("no grain")
     hover(pane, QPointF(0, 0))
-    assert window.slicing.readout.text() == ""
+    assert window.slice_views.readout.text() == ""
 
 
 def test_the_mouse_over_a_slice_in_space_tells_the_same(scanned, idle):
     window, viewport = scanned, scanned.viewport
-    window.link.look_from("top")
+    window.view.look_from("top")
     viewport.render_now()
-    slices, scan = window.link.scene.layers.slices.planes, window.workspace.scan
+    slices, scan = window.view.scene.layers.slices.planes, window.workspace.scan
     for axis in ("x", "y"):
-        window.link.switch_slice(axis, False)
+        window.view.switch_slice(axis, False)
     x, y = to_display(
         viewport.plotter.renderer, np.array([[14.0 * 20, 14.0 * 22, 14.0 * slices.index["z"]]])
     )[0]
     ratio = viewport.devicePixelRatioF()
     hover(viewport, QPointF(x / ratio, viewport.height() - y / ratio))
-    words = window.slicing.readout.text()
+    words = window.slice_views.readout.text()
     assert words.startswith("x 280 µm   y 308 µm   z 448 µm")
     assert f"grey {int(scan.voxels[32, 22, 20])}" in words
 
@@ -180,14 +180,14 @@ def test_the_mouse_over_a_slice_in_space_tells_the_same(scanned, idle):
 def test_the_panes_can_be_put_away_and_stay_away(scanned, panes):
     window = scanned
     assert window.commands.run("panel.slices")
-    assert window.slices_dock.isHidden()
+    assert window.docks["slices"].isHidden()
     window.enter("fit")
     window.enter("scan")
-    assert window.slices_dock.isHidden()
+    assert window.docks["slices"].isHidden()
     assert window.commands.run("panel.slices")
-    assert window.slices_dock.isVisible()
+    assert window.docks["slices"].isVisible()
     window.enter("fit")
-    assert window.slices_dock.isHidden()
+    assert window.docks["slices"].isHidden()
 
 
 def test_zoom_keeps_the_voxel_under_the_mouse(scanned, panes):
@@ -206,7 +206,7 @@ def test_the_volume_is_no_larger_than_the_graphics_takes(scanned, idle, monkeypa
     monkeypatch.setattr("mbstudio.ui.view.view_surfaces.largest_texture", lambda _: 20)
     assert window.commands.run("layer.volume")
     idle()
-    mapper = window.link.scene.layers.volume.cloud.actor.GetMapper()
+    mapper = window.view.scene.layers.volume.cloud.actor.GetMapper()
     # 64 voxels a side, every fourth: 16.
     assert mapper.GetInput().GetDimensions() == (16, 16, 16)
 
@@ -215,7 +215,7 @@ def test_turning_shows_the_coarse_volume(scanned, idle):
     window = scanned
     assert window.commands.run("layer.volume")
     idle()
-    cloud, viewport = window.link.scene.layers.volume.cloud, window.viewport
+    cloud, viewport = window.view.scene.layers.volume.cloud, window.viewport
     QTest.mousePress(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))
     assert cloud.coarse.GetVisibility()
     QTest.mouseRelease(viewport, Qt.MouseButton.LeftButton, pos=QPoint(30, 40))
@@ -226,6 +226,6 @@ def test_turning_shows_the_coarse_volume(scanned, idle):
 def test_in_a_narrow_window_the_view_comes_first(scanned, panes, qtbot):
     window = scanned
     window.resize(900, 600)
-    qtbot.waitUntil(window.slices_dock.isHidden)
+    qtbot.waitUntil(window.docks["slices"].isHidden)
     window.resize(1280, 800)
-    qtbot.waitUntil(lambda: not window.slices_dock.isHidden())
+    qtbot.waitUntil(lambda: not window.docks["slices"].isHidden())

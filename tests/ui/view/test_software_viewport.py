@@ -9,7 +9,7 @@ import trimesh
 from mbstudio.scene import Scene
 from mbstudio.scene.layers.picking import to_display
 from mbstudio.scene.surfaces import surface_of
-from mbstudio.ui.view.viewport.software import BUDGET, COARSEST, SoftwareViewport
+from mbstudio.ui.viewport.software import BUDGET, COARSEST, SoftwareViewport
 
 
 @pytest.fixture

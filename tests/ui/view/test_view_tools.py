@@ -14,7 +14,7 @@ from mbstudio.scene.layers.picking import to_display
 def looking(with_grains, idle):
     """The window at station Grains, two ellipsoids from above."""
     with_grains.enter("grains")
-    with_grains.link.look_from("top")
+    with_grains.view.look_from("top")
     idle()
     with_grains.viewport.render_now()
     return with_grains
@@ -37,7 +37,7 @@ def test_two_clicks_measure_a_distance_and_choose_nothing(looking):
     click(window, one)
     click(window, two)
     assert window.workspace.selected is None
-    (measured,) = window.link.scene.measurements.measured
+    (measured,) = window.view.scene.measurements.measured
     # Both points lie on top of their grains, over the centres: 10 µm voxels, semi-axes 9 and 8 along z.
     expected = np.array([230, 230, 230 + 10 * (8 - 9)])
     assert measured.value == pytest.approx(np.linalg.norm(expected), rel=0.02)
@@ -55,11 +55,11 @@ def test_escape_clears_measurements_but_first_a_message(looking, qtbot):
     window.refresh()
     QTest.keyClick(window, Qt.Key.Key_Escape)
     assert not window.messages.text
-    assert window.link.scene.measurements.measured
+    assert window.view.scene.measurements.measured
     qtbot.waitUntil(lambda: window.commands.action("view.measure_clear").isEnabled())
     QTest.keyClick(window, Qt.Key.Key_Escape)
-    assert not window.link.scene.measurements.measured
-    assert window.tools.measuring is None
+    assert not window.view.scene.measurements.measured
+    assert window.view_tools.measuring is None
     click(window, grains.grain(2).centroid)
     assert window.workspace.selected == 2, "a click chooses again"
 
@@ -68,32 +68,32 @@ def test_the_clipping_box_cuts_by_its_sliders_and_is_reset(looking, idle):
     window = looking
     before = window.viewport.picture()
     assert window.commands.run("view.clip")
-    assert window.tools.bar.isVisible()
-    window.tools.bar.sliders[0].setValue((500, 1000))
+    assert window.view_tools.bar.isVisible()
+    window.view_tools.bar.sliders[0].setValue((500, 1000))
     idle()
-    assert window.link.scene.clip.shares[0] == pytest.approx([0.5, 1])
+    assert window.view.scene.clip.shares[0] == pytest.approx([0.5, 1])
     # The grain at lower x is gone.
     grain = window.workspace.state.grains.grain(1).centroid
     x, y = to_display(window.viewport.plotter.renderer, grain[None])[0]
     cut = window.viewport.picture()
-    assert window.link.scene.pick(x, y) is None
+    assert window.view.scene.pick(x, y) is None
     assert (cut != before[: cut.shape[0]]).any() if cut.shape == before.shape else True
     assert window.commands.run("view.clip_reset")
-    assert window.link.scene.pick(x, y) is not None
-    assert window.tools.bar.sliders[0].value() == (0, 1000)
+    assert window.view.scene.pick(x, y) is not None
+    assert window.view_tools.bar.sliders[0].value() == (0, 1000)
     assert window.commands.run("view.clip")
-    assert not window.tools.bar.isVisible()
-    assert not window.link.scene.clip.is_on
+    assert not window.view_tools.bar.isVisible()
+    assert not window.view.scene.clip.is_on
 
 
 def test_the_map_of_deviations_replaces_avatar_and_grain(with_grains, idle):
     window = with_grains
     window.workspace.select(1)
-    window.panels_fit.n.setValue(8)
+    window.stations.fit.panel.n.setValue(8)
     window.enter("fit")
     assert window.commands.run("fit.grain")
     idle()
-    link, scene = window.link, window.link.scene
+    link, scene = window.view, window.view.scene
     assert window.commands.run("layer.deviation")
     idle()
     assert scene.layers.deviation.holds_something
@@ -105,7 +105,7 @@ def test_the_map_of_deviations_replaces_avatar_and_grain(with_grains, idle):
     # The fit's own rms is of the grain's points to the avatar; this one of the avatar's to the grain.
     assert 0.3 * fit.verdict.rms < told < 3 * fit.verdict.rms
     # A new fit of another avatar takes its map with it, and brings its own.
-    window.panels_fit.n.setValue(3)
+    window.stations.fit.panel.n.setValue(3)
     assert window.commands.run("fit.grain")
     idle()
     assert scene.layers.deviation.holds_something

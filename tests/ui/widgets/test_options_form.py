@@ -65,7 +65,7 @@ def test_what_cannot_be_taken_is_said_in_the_form(form):
 
 def test_the_window_fits_with_the_options(segmented, idle):
     window = segmented
-    panel = window.panels_fit
+    panel = window.stations.fit.panel
     label = window.workspace.state.grains.interior_labels[0]
     window.workspace.select(label)
     panel.method.setCurrentIndex(panel.method.findData("paper"))
@@ -80,10 +80,10 @@ def test_the_window_fits_with_the_options(segmented, idle):
     fit = window.workspace.state.fits[label]
     assert (fit.method, len(fit.history)) == ("paper", 13)
     assert dict(fit.options) == given
-    window.undo()  # the fit
-    window.undo()  # the settings, one step however many fields were changed
+    window.undo.undo()  # the fit
+    window.undo.undo()  # the settings, one step however many fields were changed
     assert window.workspace.state.fit_settings.options == {}
     assert panel.options.fields["generations"].value() == 60  # of the fast method again
-    window.redo()
+    window.undo.redo()
     panel.method.setCurrentIndex(panel.method.findData("fast"))
     assert window.workspace.state.fit_settings.options == {}

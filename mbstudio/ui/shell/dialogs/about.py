@@ -14,7 +14,7 @@ from mbstudio.core.batch.processes import processors
 from mbstudio.ui.icons import application_icon
 from mbstudio.ui.language import tr
 from mbstudio.ui.shell.memory import memory_used
-from mbstudio.ui.view.viewport import Viewport
+from mbstudio.ui.viewport import Viewport
 from mbstudio.ui.widgets.forms import label, primary_button
 
 _LIBRARIES = ("PySide6-Essentials", "pyvista", "pyvistaqt", "vtk", "numpy", "numba", "torch")

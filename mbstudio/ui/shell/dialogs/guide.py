@@ -17,17 +17,6 @@ from PySide6.QtWidgets import QDialog, QTextBrowser, QVBoxLayout, QWidget
 from mbstudio.core.assets import document
 from mbstudio.ui.language import tr
 
-SECTIONS = {
-    "scan": "Scan",
-    "grains": "Grains",
-    "fit": "Avatars",
-    "populations": "Populations",
-    "style": "New grains",
-    "latent": "Latent studio",
-    "export": "Export",
-}
-"""Heading of the guide that belongs to each station."""
-
 _CODE = QTextFormat.Property.BlockCodeFence
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from PySide6.QtCore import QObject, QTimer
+from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.dem.preview import ExportPreview
 from mbstudio.core.errors import ExportError
@@ -12,13 +11,13 @@ from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.scene.export_preview import PreviewSurfaces
 from mbstudio.ui.language import tr
-from mbstudio.ui.soon import Soon
+from mbstudio.ui.stations.export.display import ExportDisplay
+from mbstudio.ui.stations.export.panel import ExportPanel
 from mbstudio.ui.stations.export.preview_work import PreviewWork, SpecimenSketch
-from mbstudio.ui.stations.station_layers import STATION_LAYERS
+from mbstudio.ui.stations.station import Station
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.widgets.numbers import readable_power_unit
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
 _PAUSE = 200  # milliseconds without another change before anything is made
 
@@ -28,19 +27,25 @@ class ExportLink(QObject):
 
     Parameters
     ----------
-    window : MainWindow
+    station : Station
+    studio : Studio
+    view : SceneView
+    display : ExportDisplay
+    panel : ExportPanel
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._panel, self._view = window, window.panels_export, window.link
+    def __init__(
+        self, station: Station, studio: Studio, view: SceneView, display: ExportDisplay, panel: ExportPanel
+    ) -> None:
+        super().__init__(studio)
+        self._station, self._studio, self._view = station, studio, view
+        self._display, self._panel = display, panel
         self._card, self._form = self._panel.preview, self._panel.specimen
-        self.work = PreviewWork(window.queue, self)
-        self._soon = Soon(self)
+        self.work = PreviewWork(studio.queue, self)
         self._place = 0
         self._shown: tuple[object, ...] | None = None
         self._sketched: tuple[object, ...] | None = None
-        self._edges = self._has_envelope = False
+        self._edges = False
         self._pause = QTimer(self)
         self._pause.setSingleShot(True)
         self._pause.setInterval(_PAUSE)
@@ -50,15 +55,15 @@ class ExportLink(QObject):
         self._form.sizes_asked.connect(self._ask_curve)
         self._card.switched.connect(lambda _: self.update())
         self._card.step_asked.connect(self.step)
-        window.workspace.selection_changed.connect(self._follow_selection)
-        window.gallery.kept.currentRowChanged.connect(lambda _: self._follow_kept())
+        studio.workspace.selection_changed.connect(self._follow_selection)
+        panel.folder_asked.connect(self.ask_folder)
         self.work.made.connect(self._show)
         self.work.refused.connect(self._refuse)
         self.work.specimen_made.connect(self._show_specimen)
         self.work.specimen_refused.connect(self._form.refuse)
         self.work.curve_made.connect(self._take_curve)
         self.work.progressed.connect(self._tell)
-        window.theme.changed.connect(self._repaint)
+        studio.theme.changed.connect(self._repaint)
 
     @property
     def is_waiting(self) -> bool:
@@ -67,11 +72,8 @@ class ExportLink(QObject):
 
     def entered(self) -> None:
         """Look at what would be exported as things stand."""
-        self._follow_kept()
         self._follow_selection()
         self.update()
-        # The window offers the station's layers first.
-        self._soon.call(self._offer_layers)
 
     def left(self) -> None:
         """Make nothing any more; the scene gets the unit of the grains back."""
@@ -79,9 +81,15 @@ class ExportLink(QObject):
         self.work.drop("preview")
         self.work.drop("specimen")
         self._forget()
-        grains, scan = self._window.workspace.state.grains, self._window.workspace.scan
-        if grains is not None or scan is not None:
-            self._view.scene.set_unit(grains.unit if grains is not None else scan.unit)  # type: ignore[union-attr]
+        self._view.take_unit()
+
+    def ask_folder(self) -> None:
+        """Let the person choose where DEM files go."""
+        name = QFileDialog.getExistingDirectory(
+            self._studio.host, tr("Folder for the DEM files"), self._studio.path_for()
+        )
+        if name:
+            self._panel.folder.setText(name)
 
     def step(self, by: int) -> None:
         """Look at the next avatar of the export, or the one before."""
@@ -96,23 +104,20 @@ class ExportLink(QObject):
     # ---- what is looked at -----------------------------------------------------------------------
 
     def _wait(self) -> None:
-        if self._window.station == "export":
+        if self._station.is_open:
             self._pause.start()
 
     def _follow_selection(self) -> None:
         """Look at the grain that is chosen, where its avatar is exported."""
-        label = self._window.workspace.selected
+        label = self._studio.workspace.selected
         labels = self._panel.labels()
-        if self._window.station == "export" and label in labels:
+        if self._station.is_open and label in labels:
             self._place = labels.index(label)
             self._wait()
 
-    def _follow_kept(self) -> None:
-        self._panel.choose_kept(self._window.gallery.kept.chosen)
-
     def update(self) -> None:
         """Bring preview and specimen up to date."""
-        if self._window.station != "export":
+        if not self._station.is_open:
             return
         named = self._panel.chosen().named
         self._update_preview(named)
@@ -139,37 +144,25 @@ class ExportLink(QObject):
 
     def _forget(self) -> None:
         self._shown = None
-        if self._view.preview is not None:
-            self._view.preview = None
+        if self._display.preview is not None:
+            self._display.preview = None
             self._view.scene.layers.shape.set(None)
             self._view.scene.layers.envelope.set(None)
             self._view.arrange()
-            self._offer_layers()
+            self._studio.commands.refresh()
 
     def _show(self, preview: ExportPreview, surfaces: PreviewSurfaces) -> None:
-        if self._window.station != "export":
+        if not self._station.is_open:
             return
         self._card.show_preview(preview)
         layers = self._view.scene.layers
         layers.shape.set(surfaces.shape, surfaces.unit)
         layers.envelope.set(surfaces.envelope)
-        self._edges, self._has_envelope = surfaces.edges, surfaces.envelope is not None
+        self._edges, self._display.has_envelope = surfaces.edges, surfaces.envelope is not None
         layers.shape.set_edges(surfaces.edges)
-        self._view.preview = preview.body.name
+        self._display.preview = preview.body.name
         self._view.arrange()
-        self._offer_layers()
-
-    def _offer_layers(self) -> None:
-        """Offer to switch what there is to be seen: the preview's layers, or the avatars in place of it."""
-        if self._window.station != "export":
-            return
-        previewing = self._view.preview is not None
-        for layer in STATION_LAYERS["export"]:
-            if layer == "envelope":
-                offered = previewing and self._has_envelope
-            else:
-                offered = previewing == (layer == "shape")
-            self._window.commands.action(f"layer.{layer}").setVisible(offered)
+        self._studio.commands.refresh()
 
     def _refuse(self, words: str) -> None:
         self._card.clear()

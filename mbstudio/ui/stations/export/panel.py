@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from mbstudio.core.errors import ExportError
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.offers import Offers
 from mbstudio.ui.stations.export.preview_card import PreviewCard
 from mbstudio.ui.stations.export.specimen_form import SpecimenForm
 from mbstudio.ui.stations.export.target_form import TargetForm
@@ -24,8 +25,6 @@ from mbstudio.ui.widgets.forms import label, primary_button, row
 from mbstudio.ui.workspace import Workspace
 
 if TYPE_CHECKING:
-    from mbstudio.core.vae.generate.generation import Generation
-    from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
     from mbstudio.ui.stations.export.work import ExportWork
 
@@ -55,13 +54,9 @@ class ExportPanel(Panel):
     folder_asked = Signal()
     shape_changed = Signal()
 
-    def __init__(self, workspace: Workspace, theme: Theme, icons: Icons) -> None:
+    def __init__(self, workspace: Workspace, offers: Offers, theme: Theme, icons: Icons) -> None:
         super().__init__(tr("Export"), tr("Hand the avatars over to a DEM engine."))
-        self._workspace = workspace
-        self._clones: Generation | None = None
-        self.kept: list[KeptGrain] = []
-        self._kept_name: str | None = None
-        self._learner: StyleLearner | None = None
+        self._workspace, self._offers = workspace, offers
         self.target = QComboBox()
         for name, target in targets().items():
             self.target.addItem(target.title, name)
@@ -111,8 +106,12 @@ class ExportPanel(Panel):
         self.options.changed.connect(self.shape_changed)
         self.browse.clicked.connect(self.folder_asked)
         self.export_button.clicked.connect(self.export_asked)
-        for signal in (workspace.fits_changed, workspace.selection_changed, workspace.grains_changed):
+        for signal in (
+            workspace.fits_changed, workspace.selection_changed, workspace.grains_changed,
+            workspace.clones_changed, offers.kept_changed, offers.kept_chosen,
+        ):  # fmt: skip
             signal.connect(self.refresh)
+        offers.export_chosen.connect(self.choose)
         self._target_changed()
         self.refresh()
 
@@ -142,14 +141,14 @@ class ExportPanel(Panel):
     def chosen(self) -> ChosenAvatars:
         """Return the avatars that are to be written, by the names of their files."""
         kind = self.selection.currentData()
-        if kind == "clones" and self._clones is not None:
-            clones = self._clones
+        if kind == "clones" and self._workspace.clones is not None:
+            clones = self._workspace.clones
             return self._once(("clones", clones), lambda: chosen_clones(clones))
-        if kind == "kept" and self._learner is not None and self.kept:
-            learner, kept = self._learner, self.kept
+        if kind == "kept" and self._offers.learner is not None and self.kept:
+            learner, kept = self._offers.learner, self.kept
             return self._once(("kept", learner, *map(id, kept)), lambda: chosen_kept(learner, kept))
-        if kind == "kept one" and self._learner is not None:
-            one, by = self._one_kept(), self._learner
+        if kind == "kept one" and self._offers.learner is not None:
+            one, by = self._one_kept(), self._offers.learner
             return self._once(("kept", by, *map(id, one)), lambda: chosen_kept(by, one))
         return chosen_fits(self._workspace.state.fits, self.labels())
 
@@ -159,24 +158,13 @@ class ExportPanel(Panel):
             self._taken = key, make()
         return self._taken[1]
 
-    def offer_clones(self, clones: Generation | None) -> None:
-        """Offer clones beside the avatars of grains, or no longer."""
-        self._clones = clones
-        self.refresh()
-
-    def set_kept(self, kept: Sequence[KeptGrain], learner: StyleLearner | None) -> None:
-        """Offer the kept grains of the latent studio."""
-        self.kept, self._learner = list(kept), learner
-        self.refresh()
-
-    def choose_kept(self, name: str | None) -> None:
-        """Offer one kept grain by itself: the one chosen in the gallery of station Latent."""
-        if name != self._kept_name:
-            self._kept_name = name
-            self.refresh()
+    @property
+    def kept(self) -> tuple[KeptGrain, ...]:
+        """Grains shaped by hand that can be exported."""
+        return self._offers.kept
 
     def _one_kept(self) -> list[KeptGrain]:
-        return [grain for grain in self.kept if grain.name == self._kept_name]
+        return [grain for grain in self.kept if grain.name == self._offers.kept_name]
 
     def choose(self, kind: str) -> None:
         """Choose which avatars are written: 'valid', 'all', 'chosen', 'clones', 'kept' or 'kept one'."""
@@ -187,7 +175,7 @@ class ExportPanel(Panel):
         """How many avatars are to be written."""
         kind = self.selection.currentData()
         if kind == "clones":
-            return 0 if self._clones is None else len(self._clones)
+            return 0 if self._workspace.clones is None else len(self._workspace.clones)
         if kind in ("kept", "kept one"):
             return len(self.kept if kind == "kept" else self._one_kept())
         return len(self.labels())
@@ -240,15 +228,15 @@ class ExportPanel(Panel):
         self.selection.addItem(tr("All ({count})", count=len(fits)), "all")
         if chosen in fits:
             self.selection.addItem(tr("Grain {label}", label=chosen), "chosen")
-        if self._clones is not None:
-            self.selection.addItem(tr("Clones ({count})", count=len(self._clones)), "clones")
+        if self._workspace.clones is not None:
+            self.selection.addItem(tr("Clones ({count})", count=len(self._workspace.clones)), "clones")
             kind = "clones" if not fits else kind
         if self.kept:
             self.selection.addItem(tr("Kept grains ({count})", count=len(self.kept)), "kept")
             if not fits and kind == "valid":
                 kind = "kept"
         if self._one_kept():
-            self.selection.addItem(tr("Kept grain {name}", name=self._kept_name), "kept one")
+            self.selection.addItem(tr("Kept grain {name}", name=self._offers.kept_name), "kept one")
         elif kind == "kept one":
             kind = "kept" if self.kept else "valid"
         self.selection.setCurrentIndex(max(0, self.selection.findData(kind)))

@@ -36,18 +36,25 @@ class FitPanel(Panel):
     ----------
     opacity_changed : signal (str, float)
         Layer (grain, avatar) and opacity.
-    step_asked : signal (int)
-        Go to the grain so many rows further in the table.
     """
 
     opacity_changed = Signal(str, float)
-    step_asked = Signal(int)
 
     def __init__(self, workspace: Workspace, work: FitWork, icons: Icons) -> None:
         super().__init__(
             tr("Fit"), tr("A grain becomes an avatar: the surface f\u00a0=\u00a01 of n control points.")
         )
         self._workspace, self._work, self._icons = workspace, work, icons
+        self._make_head()
+        self._make_settings()
+        self._make_result()
+        self._make_opacity()
+        self.body.addStretch(1)
+        self._make_foot()
+        self._connect()
+        self.refresh()
+
+    def _make_head(self) -> None:
         self._name = label(tr("No grain chosen"), "figure")
         self._facts = label("", "hint", wrap=True)
         self.before, self.after = QToolButton(), QToolButton()
@@ -55,7 +62,7 @@ class FitPanel(Panel):
             (self.before, "ph.caret-left", tr("Previous grain")),
             (self.after, "ph.caret-right", tr("Next grain")),
         ):
-            icons.set(button, icon)
+            self._icons.set(button, icon)
             button.setToolTip(words)
             button.setAccessibleName(words)
         head = QHBoxLayout()
@@ -65,6 +72,7 @@ class FitPanel(Panel):
         self.body.addLayout(head)
         self.add(self._facts)
 
+    def _make_settings(self) -> None:
         self.n = QSpinBox()
         self.n.setRange(1, 1000)
         self.method = QComboBox()
@@ -108,6 +116,8 @@ class FitPanel(Panel):
         )
         self.options = OptionsForm()
         self.add(self.options)
+
+    def _make_result(self) -> None:
         self._result_heading = label(tr("Result"), "heading")
         self.verdict = badge()
         line = QHBoxLayout()
@@ -126,6 +136,8 @@ class FitPanel(Panel):
         )
         self.intervals_button.setEnabled(False)
         self.add(self._reasons, self.factors, self.intervals_button)
+
+    def _make_opacity(self) -> None:
         self.grain_opacity = NumberSlider(
             tr("Grain"), 0, 1, 0.6, 0.01, "{:.0%}", tr("Opacity of the grain's surface")
         )
@@ -138,8 +150,8 @@ class FitPanel(Panel):
         )
         self.add_heading(tr("Opacity"))
         self.add(self.grain_opacity, self.avatar_opacity, self.points)
-        self.body.addStretch(1)
 
+    def _make_foot(self) -> None:
         self.fit_button = primary_button(tr("Fit grain"))
         self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
         self.stop_button.setToolTip(tr("End the search and keep the avatar as it stands"))
@@ -164,8 +176,6 @@ class FitPanel(Panel):
                 layout.addWidget(widget, 1)
         for part in (self.fit_button, self._running, self._going_on, self.all_button):
             self.foot.addWidget(part)
-        self._connect()
-        self.refresh()
 
     def _connect(self) -> None:
         change = self._workspace.change_fit_settings
@@ -178,13 +188,8 @@ class FitPanel(Panel):
         self.seed.valueChanged.connect(lambda value: change(seed=value))
         self.target.editingFinished.connect(self.take_target)
         self.target.textEdited.connect(lambda _: self.refusal.hide())
-        self.pause_button.clicked.connect(self._work.pause)
-        self.stop_button.clicked.connect(self._work.stop)
-        self.more_button.clicked.connect(lambda: self._work.go_on(self.more.value(), self.n.value()))
         self.grain_opacity.value_changed.connect(lambda value: self.opacity_changed.emit("grain", value))
         self.avatar_opacity.value_changed.connect(lambda value: self.opacity_changed.emit("avatar", value))
-        self.before.clicked.connect(lambda: self.step_asked.emit(-1))
-        self.after.clicked.connect(lambda: self.step_asked.emit(1))
         for signal in (
             self._workspace.selection_changed,
             self._workspace.grains_changed,
@@ -217,7 +222,7 @@ class FitPanel(Panel):
             self.target.setText(target)
             self.refusal.hide()
         # The number is looked for; while a fit runs a change of n gives the target up.
-        self.n.setEnabled(not target or self._work.is_running)
+        self.n.setEnabled(not target or self._work.run.is_running)
 
     def refresh(self) -> None:
         """Show the chosen grain, its fit, and what can be done now."""
@@ -252,12 +257,12 @@ class FitPanel(Panel):
             if line["touches_border"]:
                 facts = tr("{facts}. The edge of the scan cuts it: its true shape is unknown", facts=facts)
             self._facts.setText(facts)
-        running = self._work.is_running
+        running = self._work.run.is_running
         self.fit_button.setVisible(not running)
         again = label_ is not None and label_ in state.fits
         self.fit_button.setText(tr("Fit grain again") if again else tr("Fit grain"))
         self._running.setVisible(running)
-        self.pause_button.setText(tr("Resume") if self._work.is_paused else tr("Pause"))
+        self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
         self._going_on.setVisible(self._work.can_go_on(label_))
         left = len(self._work.unfitted())
         self.all_button.setText(
@@ -267,7 +272,7 @@ class FitPanel(Panel):
 
     def _show_result(self, fit: FitResult | None) -> None:
         if fit is None:
-            running = self._work.is_running and self._work.running_label == self._workspace.selected
+            running = self._work.run.is_running and self._work.running_label == self._workspace.selected
             set_badge(self.verdict, tr("being fitted") if running else tr("not fitted"), "quiet")
             self._reasons.hide()
             return

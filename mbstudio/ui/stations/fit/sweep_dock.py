@@ -139,7 +139,7 @@ class SweepDock(QFrame):
         self.start_button.clicked.connect(self.start)
         self.numbers.returnPressed.connect(self.start)
         self.numbers.textEdited.connect(lambda _: self._refuse(""))
-        self.cancel_button.clicked.connect(self._work.cancel)
+        self.cancel_button.clicked.connect(self._work.run.cancel)
         self.limit.valueChanged.connect(lambda _: self._show_rows())
         self.table.itemSelectionChanged.connect(self._choice_changed)
         self.use_button.clicked.connect(self._use)
@@ -176,7 +176,7 @@ class SweepDock(QFrame):
 
     def refresh(self) -> None:
         """Show which grains there are to sweep, and what can be done now."""
-        grains, running = self._workspace.state.grains, self._work.is_running
+        grains, running = self._workspace.state.grains, self._work.run.is_running
         inside = 0 if grains is None else len(grains.interior_labels)
         kind = self.grains.currentData() or "chosen"
         with QSignalBlocker(self.grains):

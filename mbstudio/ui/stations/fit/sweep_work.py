@@ -9,6 +9,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.core.imaging.sweep import Sweep, SweepRow, checked_numbers
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -19,6 +20,7 @@ class SweepWork(Work):
 
     Attributes
     ----------
+    run : Run
     rows : list of SweepRow
         Of the last sweep, as far as it has come; fits that stand here are not done again.
     rows_changed : signal
@@ -34,12 +36,9 @@ class SweepWork(Work):
         super().__init__(workspace, queue, parent)
         self.rows: list[SweepRow] = []
         self._known: list[SweepRow] = []
-        self._task: Task | None = None
+        self.run = Run(queue, self)
+        self.run.changed.connect(self.changed)
         workspace.grains_changed.connect(self._forget)
-
-    @property
-    def is_running(self) -> bool:
-        return self._task is not None and not self._task.is_over
 
     def start(self, labels: Sequence[int], numbers: Sequence[int]) -> Task | None:
         """Fit these grains with each of these numbers.
@@ -51,7 +50,7 @@ class SweepWork(Work):
         """
         grains, settings = self.workspace.state.grains, self.workspace.state.fit_settings
         wanted = checked_numbers(numbers)
-        if grains is None or self.is_running or not labels:
+        if grains is None or self.run.is_running or not labels:
             return None
         chosen = [int(label) for label in labels]
         found: list[SweepRow] = []
@@ -89,19 +88,10 @@ class SweepWork(Work):
         task = Task(title, steps, prepare=lambda _: tuple(found), fraction=fraction)
         task.reported.connect(self._report)
         task.ended.connect(lambda: self._take(grains, found))
-        task.ended.connect(self.changed)
-        task.started.connect(self.changed)
         self.rows = []
-        self._task = task
-        self.queue.submit(task)
+        self.run.start(task)
         self.rows_changed.emit()
-        self.changed.emit()
         return task
-
-    def cancel(self) -> None:
-        """End the sweep; the rows that there are stay."""
-        if self._task is not None:
-            self._task.cancel()
 
     def _report(self, report: Report) -> None:
         if report.view:
@@ -117,7 +107,7 @@ class SweepWork(Work):
         self.rows_changed.emit()
 
     def _forget(self) -> None:
-        self.cancel()
+        self.run.cancel()
         self.rows, self._known = [], []
         self.rows_changed.emit()
         self.changed.emit()

@@ -15,25 +15,19 @@ from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import FitResult, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
 from mbstudio.core.metrics import factor_intervals
-from mbstudio.scene.surfaces import Surface, avatar_surface, control_points
+from mbstudio.scene.surfaces import avatar_surface, control_points
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.fit.words import fit_told, fraction_told, many_told, target_fraction_told
 from mbstudio.ui.stations.fit.words import reaches as reaches
+from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
+from mbstudio.ui.view.live_avatar import LiveAvatar
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 LIVE_CELLS = 36  # of the avatar's surface while the search runs
 KEPT_EVERY = 10.0  # seconds; what a search has found until then outlives a crash
 SPHERE, SPHERES = 0.05, 1.0  # seconds that each sphere of the clustering is shown, and all at most
-
-
-@dataclass(frozen=True, eq=False)
-class LiveAvatar:
-    """The avatar as it stands, ready to be drawn."""
-
-    surface: Surface
-    points: Surface
 
 
 @dataclass(eq=False)
@@ -61,6 +55,10 @@ class FitWork(Work):
 
     Attributes
     ----------
+    run : Run
+        The fit of a single grain.
+    all_run : Run
+        The fits of many.
     began : signal (int)
         The fit of a grain begins anew: its curve is empty.
     losses_arrived : signal (int, list)
@@ -84,7 +82,9 @@ class FitWork(Work):
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
         self._fitting: _Fitting | None = None
-        self._task: Task | None = None
+        self.run, self.all_run = Run(queue, self), Run(queue, self)
+        for run in (self.run, self.all_run):
+            run.changed.connect(self.changed)
         self._arrived: tuple[object, list[Any]] = (None, [])
         self.shows_spheres = True
         workspace.grains_changed.connect(self._forget)
@@ -93,18 +93,9 @@ class FitWork(Work):
     # ---- what runs -----------------------------------------------------------------------------
 
     @property
-    def is_running(self) -> bool:
-        """Whether the fit of a single grain runs, waits or is paused."""
-        return self._task is not None and not self._task.is_over
-
-    @property
-    def is_paused(self) -> bool:
-        return self._task is not None and not self._task.is_over and self._task.is_paused
-
-    @property
     def running_label(self) -> int | None:
         """Label of the grain that is being fitted."""
-        return self._fitting.label if self._fitting is not None and self.is_running else None
+        return self._fitting.label if self._fitting is not None and self.run.is_running else None
 
     def can_go_on(self, label: int | None) -> bool:
         """Return whether the fit of this grain ended and can take more generations."""
@@ -114,7 +105,7 @@ class FitWork(Work):
             and fitting is not None
             and fitting.label == label
             and fitting.run is not None
-            and not self.is_running
+            and not self.run.is_running
             and label in self.workspace.state.fits
         )
 
@@ -123,7 +114,7 @@ class FitWork(Work):
     def fit(self, label: int) -> Task | None:
         """Fit one grain with the project's settings."""
         grains = self.workspace.state.grains
-        if grains is None or self.is_running:
+        if grains is None or self.run.is_running:
             return None
         settings = self.workspace.state.fit_settings
         fitting = _Fitting(label, grains.grain(label), settings.n, settings.target)
@@ -146,7 +137,7 @@ class FitWork(Work):
     def go_on(self, generations: int, n: int) -> Task | None:
         """Let the last fit go on for more generations, with n control points."""
         fitting = self._fitting
-        if fitting is None or fitting.run is None or self.is_running:
+        if fitting is None or fitting.run is None or self.run.is_running:
             return None
         run, fitting.stop = fitting.run, False
 
@@ -161,8 +152,8 @@ class FitWork(Work):
 
     def change_n(self, n: int) -> None:
         """Change the number of control points of the fit that runs, from its next step on."""
-        fitting, task = self._fitting, self._task
-        if not self.is_running or task is None or fitting is None or n == fitting.n:
+        fitting = self._fitting
+        if fitting is None or n == fitting.n:
             return
 
         def change() -> None:
@@ -174,20 +165,7 @@ class FitWork(Work):
             except FitError as error:  # the fit that runs is not to be lost by it
                 fitting.refusal = tr("{error} The fit goes on with n = {n}.", error=error, n=fitting.n)
 
-        task.call_between_steps(change)
-
-    def pause(self) -> None:
-        """Pause the fit, or go on if it is paused."""
-        if self._task is not None and not self._task.is_over:
-            self._task.pause_or_resume()
-            self.changed.emit()
-            self.queue.changed.emit()
-
-    def stop(self) -> None:
-        """End the fit and keep the avatar as it stands."""
-        if self._fitting is not None and self._task is not None:
-            self._fitting.stop = True
-            self._task.resume()
+        self.run.call_between_steps(change)
 
     def _start(self, title: str, steps: Any, fitting: _Fitting) -> Task:
         task = Task(
@@ -195,13 +173,12 @@ class FitWork(Work):
         )
         task.reported.connect(lambda report: self._report(fitting, report))
         task.succeeded.connect(lambda last: self._take(fitting, last))
-        task.ended.connect(self.changed)
         task.ended.connect(self.arrived)
-        task.started.connect(self.changed)
-        self._task = task
-        self.queue.submit(task)
-        self.changed.emit()
-        return task
+
+        def end_early() -> None:
+            fitting.stop = True
+
+        return self.run.start(task, end_early)
 
     def _give_up(self, fitting: _Fitting) -> None:
         """Let go of a cancelled fit: grain and distances are megabytes."""
@@ -249,7 +226,7 @@ class FitWork(Work):
         A search that is not over counts only for a grain that has no avatar.
         """
         state, fits, fitting = self.workspace.state, {}, self._fitting
-        if self.is_running and fitting is not None and fitting.label not in state.fits:
+        if self.run.is_running and fitting is not None and fitting.label not in state.fits:
             fits = {fitting.label: fitting.announced}
         grains, items = self._arrived
         if grains is state.grains:
@@ -291,10 +268,7 @@ class FitWork(Work):
         task.reported.connect(lambda _: self.arrived.emit())
         # What has arrived is kept also when the rest is cancelled or fails.
         task.ended.connect(lambda: self._take_many(grains, arrived))
-        task.ended.connect(self.changed)
-        self.queue.submit(task)
-        self.changed.emit()
-        return task
+        return self.all_run.start(task)
 
     def _take_many(self, grains: object, items: list[Any]) -> None:
         if self._arrived[1] is items:
@@ -308,8 +282,7 @@ class FitWork(Work):
         self.said.emit(*many_told(fits, failed))
 
     def _forget(self) -> None:
-        if self._task is not None and not self._task.is_over:
-            self._task.cancel()
+        self.run.cancel()
         self._fitting = None
         self.changed.emit()
 

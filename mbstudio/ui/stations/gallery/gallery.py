@@ -102,7 +102,7 @@ class RangeRow(QWidget):
         return self.factor.currentData(), self.low.value() - slack, self.high.value() + slack
 
 
-class BodyGallery(QFrame):
+class Gallery(QFrame):
     """Tabs for the kinds, a line for the order, ranges, and the grid.
 
     Attributes

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QDockWidget
+from PySide6.QtCore import QObject
 
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.populations import Population
@@ -15,12 +14,11 @@ from mbstudio.scene.pictures.grain_thumbnails import grain_thumbnail
 from mbstudio.scene.pictures.thumbnails import thumbnail
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.gallery.body_list import SIDE, Bodies
-from mbstudio.ui.stations.gallery.gallery import KINDS, BodyGallery
+from mbstudio.ui.stations.gallery.gallery import KINDS, Gallery
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.widgets.dock_frame import DockFrame
 from mbstudio.ui.widgets.grain_strip import pixmap_of
 from mbstudio.ui.workers import Control, Report, Task
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
 LANE = "gallery"
 _FACTORS = ("dn", "volume", "area", "sphericity", "circularity", "csf", "elongation", "flatness", "convexity")
@@ -31,38 +29,40 @@ class GalleryLink(QObject):
 
     Parameters
     ----------
-    window : MainWindow
-    make_dock : callable
-        Makes a dock of a name, a title, its content and its area.
+    studio : Studio
+
+    Attributes
+    ----------
+    gallery : Gallery
+    frame : DockFrame
+        That it stands in.
     """
 
-    def __init__(self, window: MainWindow, make_dock: Callable[..., QDockWidget]) -> None:
-        super().__init__(window)
-        self._window, self._space = window, window.workspace
-        self.gallery = BodyGallery(window.icons)
-        self.dock = make_dock("bodies", tr("Gallery"), self.gallery, Qt.DockWidgetArea.RightDockWidgetArea)
+    def __init__(self, studio: Studio) -> None:
+        super().__init__(studio)
+        self._studio, self._space = studio, studio.workspace
+        self.gallery = Gallery(studio.icons)
+        self.frame = DockFrame("bodies", tr("Gallery"), self.gallery, "right", studio.icons)
         self._made: dict[str, tuple[tuple[object, ...], Bodies | None]] = {}
         self._is_telling = False
-
-    def connect_all(self) -> None:
-        """Connect with the rest of the window."""
-        space, window = self._space, self._window
+        space = self._space
         for signal in (
-            space.grains_changed, space.fits_changed, space.clones_changed, window.populations.changed,
+            space.grains_changed, space.fits_changed, space.clones_changed,
+            studio.offers.populations_changed,
         ):  # fmt: skip
             signal.connect(self.show)
-        self.dock.visibilityChanged.connect(lambda _: self.show())
+        self.frame.visibilityChanged.connect(lambda _: self.show())
         self.gallery.kind_changed.connect(lambda _: self.show())
-        self.gallery.measure_asked.connect(lambda: window.commands.run("populations.measure"))
+        self.gallery.measure_asked.connect(lambda: studio.commands.run("populations.measure"))
         self.gallery.list.chosen.connect(self._chosen)
         self.gallery.list.pictures_wanted.connect(self._draw)
         space.selection_changed.connect(self._mark)
-        window.clones.selection_changed.connect(self._mark)
-        window.theme.changed.connect(self._repaint)
+        space.clone_changed.connect(self._mark)
+        studio.theme.changed.connect(self._repaint)
 
     def show(self) -> None:
         """Bring the gallery up to date, if it is to be seen."""
-        if self.dock.isHidden():
+        if self.frame.isHidden():
             return
         state = self._space.state
         counts = (state.grains, state.fits, state.clones)
@@ -96,8 +96,9 @@ class GalleryLink(QObject):
 
     def _measured(self, kind: str) -> Population | None:
         if kind == "clones":
-            return self._window.clones.factors
-        return next((given for given in self._window.populations.populations if given.kind == kind), None)
+            clones = self._space.clones
+            return None if clones is None else clones.factors
+        return next((given for given in self._studio.offers.populations if given.kind == kind), None)
 
     def _grains(self, measured: Population | None) -> Bodies | None:
         grains = self._space.state.grains
@@ -105,7 +106,7 @@ class GalleryLink(QObject):
             return None
         keys, volume = grains.table["label"].to_numpy(int), grains.table["volume"].to_numpy(float)
         known = {"dn": nominal_diameters(volume), "volume": volume}
-        colour = self._window.theme.scene.grain
+        colour = self._studio.theme.scene.grain
         return Bodies(
             "grains", keys, known | _columns(keys, measured, grains.unit), grains.unit,
             lambda row: grain_thumbnail(grains[row], colour, SIDE),
@@ -116,7 +117,7 @@ class GalleryLink(QObject):
         if not fits:
             return None
         keys = np.array(sorted(fits), dtype=int)
-        unit, colour = fits[int(keys[0])].avatar.unit, self._window.theme.scene.avatar
+        unit, colour = fits[int(keys[0])].avatar.unit, self._studio.theme.scene.avatar
         return Bodies(
             "avatars", keys, _columns(keys, measured, unit), unit,
             lambda row: thumbnail(fits[int(keys[row])].avatar, colour, SIDE),
@@ -127,7 +128,7 @@ class GalleryLink(QObject):
         if clones is None:
             return None
         keys = np.arange(1, len(clones) + 1)
-        unit, colour = clones.clones.unit, self._window.theme.scene.avatar
+        unit, colour = clones.clones.unit, self._studio.theme.scene.avatar
         # Clones are measured in their order.
         columns = {} if measured is None else _columns(measured.labels, measured, unit)
         return Bodies(
@@ -140,17 +141,17 @@ class GalleryLink(QObject):
         self._is_telling = True
         try:
             if self.gallery.kind == "clones":
-                self._window.clones.select(current if current in keys else None)
+                self._space.select_clone(current if current in keys else None)
             else:
                 self._space.choose(keys, current)
         finally:
             self._is_telling = False
 
     def _mark(self) -> None:
-        if self.dock.isHidden() or self._is_telling:
+        if self.frame.isHidden() or self._is_telling:
             return
         if self.gallery.kind == "clones":
-            one = self._window.clones.selected
+            one = self._space.clone
             self.gallery.list.select_keys(() if one is None else (one,), one)
         else:
             self.gallery.list.select_keys(self._space.chosen, self._space.selected)
@@ -166,10 +167,10 @@ class GalleryLink(QObject):
 
         task = Task(tr("Drawing the gallery"), pictures)
         task.reported.connect(lambda report: self._take(bodies, report))
-        running = self._window.queue.running(LANE)
+        running = self._studio.queue.running(LANE)
         if running is not None:
             running.cancel()
-        self._window.queue.submit(task, lane=LANE, key=LANE)
+        self._studio.queue.submit(task, lane=LANE, key=LANE)
 
     def _take(self, bodies: Bodies, report: Report) -> None:
         for row, picture in report.steps:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -26,19 +25,24 @@ from mbstudio.ui.workspace import Workspace
 
 
 class GrainPanel(Panel):
-    """Settings of the segmentation, and a summary of its grains.
-
-    Attributes
-    ----------
-    find_asked : signal (SegmentationSettings)
-    """
-
-    find_asked = Signal(object)
+    """Settings of the segmentation, and a summary of its grains."""
 
     def __init__(self, workspace: Workspace, theme: Theme) -> None:
         super().__init__(tr("Grains"), tr("Tell the grains from the pores and from each other."))
         self._workspace = workspace
         default = SegmentationSettings()
+        self._make_settings(default)
+        self._make_result(theme)
+        self.body.addStretch(1)
+        self._make_foot()
+        self.threshold_kind.currentIndexChanged.connect(self._threshold_kind_changed)
+        workspace.grains_changed.connect(self.refresh)
+        workspace.scan_changed.connect(self.refresh)
+        workspace.settings_changed.connect(self._take_settings)
+        self.show_settings(default)
+        self.refresh()
+
+    def _make_settings(self, default: SegmentationSettings) -> None:
         self.smoothing = QDoubleSpinBox()
         self.smoothing.setRange(0.0, 5.0)
         self.smoothing.setSingleStep(0.1)
@@ -65,16 +69,6 @@ class GrainPanel(Panel):
         self.smallest = QSpinBox()
         self.smallest.setRange(1, 1_000_000)
         self.drop_border = QCheckBox(tr("Leave out grains that the edge cuts"))
-        self.find_button = primary_button(tr("Find grains"))
-        self.load_button = quiet_button(tr("Load labels…"))
-        self.load_button.setToolTip(
-            tr("Take a label image made elsewhere (ilastik and the like), of the scan's shape")
-        )
-        self._count = label("", "figure")
-        self._inside = label("", "hint", wrap=True)
-        self._histogram_name = label("", "hint")
-        self.histogram = Histogram(theme, tr("Histogram of nominal diameters"))
-
         self.add(
             row(
                 tr("Smoothing"),
@@ -98,6 +92,12 @@ class GrainPanel(Panel):
             )
         )
         self.add(self.drop_border)
+
+    def _make_result(self, theme: Theme) -> None:
+        self._count = label("", "figure")
+        self._inside = label("", "hint", wrap=True)
+        self._histogram_name = label("", "hint")
+        self.histogram = Histogram(theme, tr("Histogram of nominal diameters"))
         self._result = QWidget()
         result = QVBoxLayout(self._result)
         result.setContentsMargins(0, 12, 0, 0)
@@ -109,7 +109,13 @@ class GrainPanel(Panel):
         result.addWidget(self._histogram_name)
         result.addWidget(self.histogram)
         self.add(self._result)
-        self.body.addStretch(1)
+
+    def _make_foot(self) -> None:
+        self.find_button = primary_button(tr("Find grains"))
+        self.load_button = quiet_button(tr("Load labels…"))
+        self.load_button.setToolTip(
+            tr("Take a label image made elsewhere (ilastik and the like), of the scan's shape")
+        )
         self._hint = label("", "hint", wrap=True)
         line = QHBoxLayout()
         line.addWidget(self.load_button)
@@ -117,14 +123,6 @@ class GrainPanel(Panel):
         self.foot.addWidget(self._hint)
         self.foot.addWidget(self.find_button)
         self.foot.addLayout(line)
-
-        self.threshold_kind.currentIndexChanged.connect(self._threshold_kind_changed)
-        self.find_button.clicked.connect(lambda: self.find_asked.emit(self.settings()))
-        workspace.grains_changed.connect(self.refresh)
-        workspace.scan_changed.connect(self.refresh)
-        workspace.settings_changed.connect(self._take_settings)
-        self.show_settings(default)
-        self.refresh()
 
     def settings(self) -> SegmentationSettings:
         """Return the settings as they stand in the panel."""

@@ -4,99 +4,183 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
-from mbstudio.ui.language import mark, tr
+from mbstudio.ui.language import tr
 from mbstudio.ui.stations.latent.blend_page import LETTERS
+from mbstudio.ui.stations.latent.dock import PAGES, LatentDock
+from mbstudio.ui.stations.latent.link import LatentLink
+from mbstudio.ui.stations.latent.panel import LatentPanel
+from mbstudio.ui.stations.latent.shelf import Shelf
+from mbstudio.ui.stations.latent.work import LatentWork
+from mbstudio.ui.studio import Studio
 
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
-
-PAGES = (mark("Factors"), mark("Blend"), mark("Map"))
-"""Of the latent studio."""
+AtStation = Callable[[Callable[[], object]], Callable[[], None]]
+"""Makes of an act one that goes to the station first."""
 
 
-def latent_commands(window: MainWindow) -> list[Command]:
+def latent_commands(
+    studio: Studio, work: LatentWork, link: LatentLink, panel: LatentPanel, dock: LatentDock, shelf: Shelf
+) -> list[Command]:
     """Return the commands of station Latent."""
-    work, link, panel = window.latents, window.shaping, window.panels_latent
-    gallery, blend = window.gallery, window.studio.blend
-
-    def there() -> bool:
-        return work.stance is not None
 
     def at_station(act: Callable[[], object]) -> Callable[[], None]:
         def run() -> None:
-            window.enter("latent")
+            studio.enter("latent")
             act()
 
         return run
 
-    def chosen_kept() -> bool:
-        return there() and gallery.strip is gallery.kept and gallery.chosen is not None
+    def has_grain() -> bool:
+        return work.stance is not None
 
     return [
-        Command(
-            "latent.keep", tr("Keep grain"), at_station(work.keep), "Latent", "Ctrl+B", "ph.bookmark-simple",
-            tr("Put the grain under the hand into the gallery, with its recipe"), there,
-        ),
-        Command(
-            "latent.alike", tr("Keep grains like this"), at_station(panel.alike.click), "Latent",
-            "Ctrl+Shift+B", "ph.dots-nine",
-            tr("Keep variations of the grain, with the noise set in the panel"), there,
-        ),
-        Command(
-            "latent.rename", tr("Rename kept grain"), gallery.rename.click, "Latent", "", "ph.pencil-simple",
-            tr("Call the chosen kept grain otherwise"), chosen_kept,
-        ),
-        Command(
-            "latent.remove", tr("Remove kept grain"), gallery.remove.click, "Latent", "", "ph.trash",
-            tr("Take the chosen kept grain out of the gallery"), chosen_kept,
-        ),
-        Command(
-            "latent.randomise", tr("Randomise"), at_station(panel.randomise.click), "Latent", "Ctrl+R",
-            "ph.dice-five", tr("A new grain in the style of the parents; what is locked stays"), there,
-            separated=True,
-        ),
-        Command(
-            "latent.another", tr("Another one"), at_station(panel.another.click), "Latent",
-            "Ctrl+Shift+A", "", tr("Noise as strong, another way"), there,
-        ),
-        Command(
-            "latent.reset", tr("Reset grain"), at_station(work.reset), "Latent", "",
-            "ph.arrow-counter-clockwise", tr("Back to the grain before it was shaped"),
-            lambda: work.stance is not None and len(work.stance.operations) > 1,
-        ),
-        Command(
-            "latent.beyond", tr("Allow far outside"), panel.beyond.setChecked, "Latent", "", "",
-            tr("Let grains go far outside the parents instead of holding them at the edge"), there,
-            lambda: panel.beyond.isChecked(),
-        ),
+        *_keep(work, panel, shelf, at_station),
+        *_shape(work, panel, at_station),
+        *_blend(work, link, dock, shelf, at_station),
         *(
             Command(
-                f"latent.pick_{letter.lower()}", tr("Take chosen grain as {letter}", letter=letter),
-                partial(at_station(partial(link.pick, letter))), "Latent", "", "",
-                tr("Let {letter} of page Blend stand for the grain chosen in the gallery", letter=letter),
-                lambda: there() and gallery.chosen is not None, separated=letter == "A",
-            )
-            for letter in LETTERS
-        ),
-        Command(
-            "latent.play", tr("Play from A to B"), blend.play.setChecked, "Latent", "", "",
-            tr("Play the way from A to B and back"), lambda: blend.play.isEnabled(),
-            lambda: blend.play.isChecked(),
-        ),
-        Command(
-            "latent.animation", tr("Save animation…"), link.ask_animation, "Latent", "", "ph.film-strip",
-            tr("The way from A to B as a moving picture"), lambda: blend.animation.isEnabled(),
-        ),
-        *(
-            Command(
-                f"latent.page_{name.lower()}", tr("Page {page}", page=tr(name)),
-                at_station(partial(window.studio.open_page, name)), "Latent", "", "",
-                tr("Turn to the page {page} of the latent studio", page=tr(name)), there,
+                id=f"latent.page_{name.lower()}",
+                title=tr("Page {page}", page=tr(name)),
+                run=at_station(partial(dock.open_page, name)),
+                menu="Latent",
+                tip=tr("Turn to the page {page} of the latent studio", page=tr(name)),
+                enabled=has_grain,
                 separated=name == "Factors",
             )
             for name in PAGES
         ),
-    ]  # fmt: skip
+    ]
+
+
+def _keep(work: LatentWork, panel: LatentPanel, shelf: Shelf, at_station: AtStation) -> list[Command]:
+    def has_grain() -> bool:
+        return work.stance is not None
+
+    def chosen_kept() -> bool:
+        return has_grain() and shelf.strip is shelf.kept and shelf.chosen is not None
+
+    return [
+        Command(
+            id="latent.keep",
+            title=tr("Keep grain"),
+            run=at_station(work.keep),
+            menu="Latent",
+            shortcut="Ctrl+B",
+            icon="ph.bookmark-simple",
+            tip=tr("Put the grain under the hand into the gallery, with its recipe"),
+            enabled=has_grain,
+        ),
+        Command(
+            id="latent.alike",
+            title=tr("Keep grains like this"),
+            run=at_station(panel.keep_alike),
+            menu="Latent",
+            shortcut="Ctrl+Shift+B",
+            icon="ph.dots-nine",
+            tip=tr("Keep variations of the grain, with the noise set in the panel"),
+            enabled=has_grain,
+        ),
+        Command(
+            id="latent.rename",
+            title=tr("Rename kept grain"),
+            run=shelf.rename_chosen,
+            menu="Latent",
+            icon="ph.pencil-simple",
+            tip=tr("Call the chosen kept grain otherwise"),
+            enabled=chosen_kept,
+        ),
+        Command(
+            id="latent.remove",
+            title=tr("Remove kept grain"),
+            run=shelf.remove_chosen,
+            menu="Latent",
+            icon="ph.trash",
+            tip=tr("Take the chosen kept grain out of the gallery"),
+            enabled=chosen_kept,
+        ),
+    ]
+
+
+def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[Command]:
+    def has_grain() -> bool:
+        return work.stance is not None
+
+    return [
+        Command(
+            id="latent.randomise",
+            title=tr("Randomise"),
+            run=at_station(panel.draw_at_random),
+            menu="Latent",
+            shortcut="Ctrl+R",
+            icon="ph.dice-five",
+            tip=tr("A new grain in the style of the parents; what is locked stays"),
+            enabled=has_grain,
+            separated=True,
+        ),
+        Command(
+            id="latent.another",
+            title=tr("Another one"),
+            run=at_station(panel.draw_another),
+            menu="Latent",
+            shortcut="Ctrl+Shift+A",
+            tip=tr("Noise as strong, another way"),
+            enabled=has_grain,
+        ),
+        Command(
+            id="latent.reset",
+            title=tr("Reset grain"),
+            run=at_station(work.reset),
+            menu="Latent",
+            icon="ph.arrow-counter-clockwise",
+            tip=tr("Back to the grain before it was shaped"),
+            enabled=lambda: work.stance is not None and len(work.stance.operations) > 1,
+        ),
+        Command(
+            id="latent.beyond",
+            title=tr("Allow far outside"),
+            run=panel.beyond.setChecked,
+            menu="Latent",
+            tip=tr("Let grains go far outside the parents instead of holding them at the edge"),
+            enabled=has_grain,
+            checked=lambda: panel.beyond.isChecked(),
+        ),
+    ]
+
+
+def _blend(
+    work: LatentWork, link: LatentLink, dock: LatentDock, shelf: Shelf, at_station: AtStation
+) -> list[Command]:
+    blend = dock.blend
+    return [
+        *(
+            Command(
+                id=f"latent.pick_{letter.lower()}",
+                title=tr("Take chosen grain as {letter}", letter=letter),
+                run=partial(at_station(partial(link.pick, letter))),
+                menu="Latent",
+                tip=tr("Let {letter} of page Blend stand for the grain chosen in the gallery", letter=letter),
+                enabled=lambda: work.stance is not None and shelf.chosen is not None,
+                separated=letter == "A",
+            )
+            for letter in LETTERS
+        ),
+        Command(
+            id="latent.play",
+            title=tr("Play from A to B"),
+            run=blend.play.setChecked,
+            menu="Latent",
+            tip=tr("Play the way from A to B and back"),
+            enabled=lambda: blend.play.isEnabled(),
+            checked=lambda: blend.play.isChecked(),
+        ),
+        Command(
+            id="latent.animation",
+            title=tr("Save animation…"),
+            run=link.ask_animation,
+            menu="Latent",
+            icon="ph.film-strip",
+            tip=tr("The way from A to B as a moving picture"),
+            enabled=lambda: blend.animation.isEnabled(),
+        ),
+    ]

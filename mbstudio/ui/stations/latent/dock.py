@@ -12,7 +12,7 @@ from mbstudio.ui.stations.latent.map_plot import LatentMapPlot
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.forms import label
 
-_PAGES = (mark("Factors"), mark("Blend"), mark("Map"))
+PAGES = (mark("Factors"), mark("Blend"), mark("Map"))
 
 
 class LatentDock(QFrame):
@@ -29,7 +29,7 @@ class LatentDock(QFrame):
         self.tabs.setAccessibleName(tr("Page of the latent studio"))
         self._stack = QStackedWidget()
         pages: tuple[QWidget, ...] = (self.factors, self.blend, self.map)
-        for title, page in zip(_PAGES, pages, strict=True):
+        for title, page in zip(PAGES, pages, strict=True):
             self.tabs.addTab(tr(title))
             self._stack.addWidget(_scrolling(page) if page is not self.map else _explained(page))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
@@ -41,7 +41,7 @@ class LatentDock(QFrame):
 
     def open_page(self, title: str) -> None:
         """Turn to a page: Factors, Blend or Map."""
-        self.tabs.setCurrentIndex(_PAGES.index(title))
+        self.tabs.setCurrentIndex(PAGES.index(title))
 
 
 def _explained(plot: QWidget) -> QWidget:

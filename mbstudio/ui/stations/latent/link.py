@@ -23,16 +23,22 @@ from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.scene.pictures.animation import require_writer
 from mbstudio.scene.pictures.morph_animation import write_morph
 from mbstudio.scene.surfaces import Surface
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.language import tr
-from mbstudio.ui.soon import Soon
 from mbstudio.ui.stations.latent.blend_page import LETTERS, STRIP
+from mbstudio.ui.stations.latent.dock import LatentDock
+from mbstudio.ui.stations.latent.panel import LatentPanel
 from mbstudio.ui.stations.latent.pictures import LatentPictures
+from mbstudio.ui.stations.latent.shelf import Shelf
+from mbstudio.ui.stations.latent.work import LatentWork
+from mbstudio.ui.stations.station import Station
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.workers import Task
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
     from mbstudio.core.vae.shaping.live_grain import LiveGrain
-    from mbstudio.ui.shell.main_window import MainWindow
 
 
 _SUM = "sum of A, B and C"
@@ -43,32 +49,45 @@ class LatentLink(QObject):
 
     Parameters
     ----------
-    window : MainWindow
+    station : Station
+    studio : Studio
+    view : SceneView
+    work : LatentWork
+    panel : LatentPanel
+    dock : LatentDock
+    shelf : Shelf
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._work = window, window.latents
-        self._panel, self._dock, self._gallery = window.panels_latent, window.studio, window.gallery
-        self._scene = window.link.scene
-        self.pictures = LatentPictures(window.queue, window.theme, self)
+    def __init__(
+        self,
+        station: Station,
+        studio: Studio,
+        view: SceneView,
+        work: LatentWork,
+        panel: LatentPanel,
+        dock: LatentDock,
+        shelf: Shelf,
+    ) -> None:
+        super().__init__(studio)
+        self._station, self._studio, self._view, self._work = station, studio, view, work
+        self._panel, self._dock, self._shelf = panel, dock, shelf
+        self._scene = view.scene
+        self.pictures = LatentPictures(studio.queue, studio.theme, self)
         self.letters: dict[str, tuple[str, Float64[np.ndarray, " d"]]] = {}
         self._framed: object = None
-        self._soon = Soon(self)
+        self._deferred = DeferredCalls(self)
         self._connect()
 
     def _connect(self) -> None:
-        work, blend, gallery = self._work, self._dock.blend, self._gallery
+        work, blend, shelf = self._work, self._dock.blend, self._shelf
         work.style_taken.connect(self._take_style)
         work.meanings_changed.connect(self._show_letters)
         work.grain_changed.connect(self._show_grain)
         work.stepped.connect(blend.stop)
         work.kept_changed.connect(self._show_kept)
-        work.said.connect(self._window.messages.say)
-        for signal in (work.stepped, work.kept_changed, work.style_taken):
-            signal.connect(self._window.refresh)
         self._panel.open_asked.connect(self.ask_style)
-        self._panel.style_asked.connect(self._go_to_style)
+        self._panel.style_asked.connect(lambda: self._studio.enter("style"))
+        shelf.kept.currentRowChanged.connect(lambda _: self._studio.offers.choose_kept(shelf.kept.chosen))
         blend.picked.connect(self.pick)
         blend.share_moved.connect(lambda share: self._between(share, False))
         blend.share_settled.connect(lambda share: self._between(share, True))
@@ -77,13 +96,13 @@ class LatentLink(QObject):
         blend.ghosts_changed.connect(self.show_ghosts)
         blend.animation_asked.connect(self.ask_animation)
         self._dock.map.walked.connect(self._walk)
-        gallery.opened.connect(work.begin_with)
-        self._window.workspace.clones_changed.connect(self._show_clones)
-        gallery.tabs.currentChanged.connect(lambda _: self._show_clones())
-        gallery.forget_asked.connect(lambda name: work.forget([name]))
-        gallery.rename_asked.connect(self._rename)
+        shelf.opened.connect(work.begin_with)
+        self._studio.workspace.clones_changed.connect(self._show_clones)
+        shelf.tabs.currentChanged.connect(lambda _: self._show_clones())
+        shelf.forget_asked.connect(lambda name: work.forget([name]))
+        shelf.rename_asked.connect(self._rename)
         self.pictures.ready.connect(self._picture_ready)
-        self._window.theme.changed.connect(self._repaint)
+        self._studio.theme.changed.connect(self._repaint)
 
     # ---- the style-learner -----------------------------------------------------------------------
 
@@ -94,36 +113,25 @@ class LatentLink(QObject):
         if learner is not None:
             self._scene.set_unit(learner.unit)
             # The docks of the station take their room first.
-            self._soon.call(partial(self._frame, True))
+            self._deferred.call(partial(self._frame, True))
 
     def left(self) -> None:
         """Stop playing; give the scene the unit of the grains back."""
         self._dock.blend.stop()
-        grains = self._window.workspace.state.grains
-        scan = self._window.workspace.scan
-        if grains is not None or scan is not None:
-            self._scene.set_unit(grains.unit if grains is not None else scan.unit)  # type: ignore[union-attr]
+        self._studio.offers.choose_kept(self._shelf.kept.chosen)
+        self._view.take_unit()
 
     def ask_style(self) -> None:
         """Let the person choose the folder of a style-learner."""
-        name = QFileDialog.getExistingDirectory(self._window, tr("Open style-learner"))
+        name = QFileDialog.getExistingDirectory(self._studio.host, tr("Open style-learner"))
         if name:
             self.open_style(Path(name))
 
     def open_style(self, folder: Path) -> None:
         """Open a style-learner in the background."""
         task = Task(tr("Opening the style-learner"), lambda control: load_style_learner(folder))
-        task.succeeded.connect(lambda learner: self._window.workspace.use_style(learner, tr("Open style")))
-        self._window.queue.submit(task)
-
-    def _go_to_style(self) -> None:
-        if "style" in self._window.panels:
-            self._window.enter("style")
-        else:
-            self._window.messages.say(
-                "info",
-                tr("Run “mbstudio learn” on a folder of avatars, then open the folder that it writes."),
-            )
+        task.succeeded.connect(lambda learner: self._studio.workspace.use_style(learner, tr("Open style")))
+        self._studio.queue.submit(task)
 
     def _take_style(self) -> None:
         learner, about = self._work.learner, self._work.about
@@ -147,12 +155,12 @@ class LatentLink(QObject):
                 self._dock.map.set_parents(about.map.places(learner.latents), about.map.share)
             names = learner.parents.names
             self.pictures.ask(dict(zip(names, learner.latents, strict=True)), "parents")
-            if self._window.station == "latent":
+            if self._station.is_open:
                 self.entered()
         self._dock.map.setEnabled(about is not None and about.map is not None)
         self._dock.factors.show_grain(None, None, False)
-        self._window.link.arrange()
-        self._window.show_docks()
+        self._view.arrange()
+        self._studio.arrange_docks()
 
     # ---- the grain under the hand ----------------------------------------------------------------
 
@@ -161,7 +169,7 @@ class LatentLink(QObject):
         grain, about = work.grain, work.about
         if grain is None or about is None:
             return
-        latent_station = self._window.station == "latent"
+        latent_station = self._station.is_open
         self._scene.layers.live.set(_surface(grain), grain.avatar.unit if latent_station else None)
         self._dock.factors.show_grain(grain, about.share_below(grain.factors), work.is_held, work.is_beyond)
         if about.map is not None:
@@ -173,36 +181,15 @@ class LatentLink(QObject):
     def _frame(self, may_move: bool) -> None:
         """Bring the grain into the picture: turned as usual the first time, else only where it is cut."""
         learner = self._work.learner
-        if self._window.station != "latent" or learner is None or self._work.grain is None:
+        if not self._station.is_open or learner is None or self._work.grain is None:
             return
         if self._framed is not learner:
             self._framed = learner
-            self._window.link.arrange()
+            self._view.arrange()
             self._scene.look_from("isometric")
         elif may_move:
             self._scene.fit_if_cut()
-        self._window.viewport.request_render()
-
-    def undo(self) -> None:
-        """Take back the last step of shaping, or elsewhere the last change of the project."""
-        if self._window.station == "latent" and self._work.learner is not None:
-            self._work.undo()
-        else:
-            self._window.workspace.undo()
-
-    def redo(self) -> None:
-        """Make it again."""
-        if self._window.station == "latent" and self._work.learner is not None:
-            self._work.redo()
-        else:
-            self._window.workspace.redo()
-
-    def history(self) -> tuple[str | None, str | None]:
-        """Return what undo and redo would do here, in words; None where they can do nothing."""
-        if self._window.station == "latent" and self._work.learner is not None:
-            return (self._work.history.undo_title, self._work.history.redo_title)
-        past = self._window.workspace.project.history
-        return (past.undo_title if past.can_undo else None, past.redo_title if past.can_redo else None)
+        self._studio.viewport.request_render()
 
     # ---- the gallery -----------------------------------------------------------------------------
 
@@ -214,13 +201,14 @@ class LatentLink(QObject):
             recipe.name: recipe.vector for recipe in kept if not self.pictures.has(recipe.name, recipe.vector)
         }
         there = {name: picture for name, picture in self.pictures.made.items() if name not in missing}
-        self._gallery.show_grains([recipe.name for recipe in kept], parents, there, self._tips())
+        self._shelf.show_grains([recipe.name for recipe in kept], parents, there, self._tips())
         self.pictures.ask(missing, "kept")
         if about is not None and about.map is not None:
             self._dock.map.set_kept(
                 about.map.places(np.stack([recipe.vector for recipe in kept])) if kept else np.empty((0, 2))
             )
-        self._window.panels_export.set_kept(self._work.kept_grains if learner is not None else (), learner)
+        self._studio.offers.offer_kept(self._work.kept_grains if learner is not None else (), learner)
+        self._studio.offers.choose_kept(self._shelf.kept.chosen)
 
     def _show_clones(self) -> None:
         """Show the clones on the map and in the gallery; their pictures are made when they are looked at."""
@@ -228,9 +216,9 @@ class LatentLink(QObject):
         if about is not None and about.map is not None:
             self._dock.map.set_clones(about.map.places(clones.latents) if clones else np.empty((0, 2)))
         names = list(clones.clones.names) if clones else []
-        if self._gallery.clones.names != names:
-            self._gallery.show_clones(names, self.pictures.made)
-        if clones and self._gallery.strip is self._gallery.clones:
+        if self._shelf.clones.names != names:
+            self._shelf.show_clones(names, self.pictures.made)
+        if clones and self._shelf.strip is self._shelf.clones:
             shown = zip(names, clones.latents, strict=True)
             self.pictures.ask({n: z for n, z in shown if not self.pictures.has(n, z)}, "clones")
 
@@ -248,7 +236,7 @@ class LatentLink(QObject):
             self._show_kept()
 
     def _picture_ready(self, name: str, picture: QPixmap) -> None:
-        self._gallery.set_picture(name, picture)
+        self._shelf.set_picture(name, picture)
         for letter, (known, _) in self.letters.items():
             if known == name:
                 self._dock.blend.set_grain(letter, name, picture)
@@ -272,11 +260,11 @@ class LatentLink(QObject):
 
     def pick(self, letter: str, name: str = "") -> None:
         """Let a letter stand for a grain; without a name, for the one chosen in the gallery."""
-        name = name or self._gallery.chosen or ""
+        name = name or self._shelf.chosen or ""
         latent = self._work.latent_of(name)
         if latent is None:
             told = tr("Choose a grain in the gallery first, then click {letter}.", letter=letter)
-            self._window.messages.say("info", told)
+            self._studio.say("info", told)
             return
         self.letters[letter] = (name, latent)
         self._dock.blend.set_grain(letter, name, self.pictures.made.get(name))
@@ -326,9 +314,9 @@ class LatentLink(QObject):
     def show_ghosts(self, shown: bool) -> None:
         """Show or hide A and B as ghosts about the grain."""
         for layer in ("ghost_a", "ghost_b"):
-            self._window.link.show_layer(layer, shown)
+            self._view.show_layer(layer, shown)
         self._draw_ghosts()
-        self._window.commands.refresh()
+        self._studio.commands.refresh()
 
     def _draw_ghosts(self) -> None:
         learner = self._work.learner
@@ -341,9 +329,9 @@ class LatentLink(QObject):
         second = align_to(learner, first, self.letters["B"][1])
         self._scene.layers.ghost_a.set(_surface(live_grain(learner, first, AT_REST)))
         self._scene.layers.ghost_b.set(_surface(live_grain(learner, second, AT_REST)))
-        if self._window.station == "latent":
+        if self._station.is_open:
             self._scene.fit_if_cut()
-        self._window.viewport.request_render()
+        self._studio.viewport.request_render()
 
     # ---- the map ---------------------------------------------------------------------------------
 
@@ -357,7 +345,7 @@ class LatentLink(QObject):
     def ask_animation(self) -> None:
         """Ask for a file and write the way from A to B to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window,
+            self._studio.host,
             tr("Save animation"),
             str(Path.home() / "morph.gif"),
             tr("GIF (*.gif);;Numbered pictures (*.png);;MP4 (*.mp4)"),
@@ -374,10 +362,10 @@ class LatentLink(QObject):
         try:
             require_writer(path)
         except MbstudioError as error:
-            self._window.messages.say("error", str(error))
+            self._studio.say("error", str(error))
             return
         write = partial(
-            write_morph, learner, self.letters["A"][1], self.letters["B"][1], path, self._window.theme.scene,
+            write_morph, learner, self.letters["A"][1], self.letters["B"][1], path, self._studio.theme.scene,
             steps=steps,
         )  # fmt: skip
         task = Task(tr("Writing the animation"), lambda control: write(progress=control.progress))
@@ -389,8 +377,8 @@ class LatentLink(QObject):
             )
         else:
             told = tr("Saved the way from A to B as {name} in {folder}.", name=path.name, folder=path.parent)
-        task.succeeded.connect(lambda _: self._window.messages.say("success", told))
-        self._window.queue.submit(task)
+        task.succeeded.connect(lambda _: self._studio.say("success", told))
+        self._studio.queue.submit(task)
 
 
 def _surface(grain: LiveGrain) -> Surface:

@@ -184,15 +184,8 @@ class LatentPanel(Panel):
             )
         self.noise.moved.connect(lambda sigma: work.preview(self._noise(sigma), instead=True))
         self.noise.settled.connect(lambda sigma: work.commit(self._noise(sigma), instead=True))
-        self.another.clicked.connect(self._another)
-        self.randomise.clicked.connect(self._randomise)
         self.beyond.toggled.connect(self._allow)
         self.more.clicked.connect(lambda: self._add_components(_MORE))
-        self.undo.clicked.connect(work.undo)
-        self.redo.clicked.connect(work.redo)
-        self.reset.clicked.connect(work.reset)
-        self.keep.clicked.connect(work.keep)
-        self.alike.clicked.connect(self._more_like_this)
         self.open_button.clicked.connect(self.open_asked)
         self.style_button.clicked.connect(self.style_asked)
         work.style_taken.connect(self.take_style)
@@ -212,18 +205,21 @@ class LatentPanel(Panel):
         self._work.beyond = on
         self._set_ranges()
 
-    def _another(self) -> None:
+    def draw_another(self) -> None:
+        """Show the grain with other noise of the same strength."""
         self._seed += 1
         if self.noise.value <= 0.0:
             self.noise.set_value(0.3)
         self._work.commit(self._noise(self.noise.value), instead=True)
 
-    def _randomise(self) -> None:
+    def draw_at_random(self) -> None:
+        """Show a new grain in the style of the parents."""
         self._seed += 1
         given = {"seed": self._seed, **self._work.locks()}
         self._work.commit(Operation("random", given, tr("drawn (seed {seed})", seed=self._seed)))
 
-    def _more_like_this(self) -> None:
+    def keep_alike(self) -> None:
+        """Keep variations of the grain, with the noise that is set."""
         sigma = self.noise.value or 0.3
         self._work.keep_variations(sigma, self.count.value(), self._seed + 1)
         self._seed += self.count.value()
@@ -347,12 +343,8 @@ class LatentPanel(Panel):
             slider.set_amber(outside and abs(grain.latent[k] - about.mean[k]) > 0.999 * about.reach[k])
 
     def _show_steps(self) -> None:
-        work, stance = self._work, self._work.stance
-        self.undo.setEnabled(work.can_undo)
-        self.redo.setEnabled(work.can_redo)
-        self.reset.setEnabled(stance is not None and len(stance.operations) > 1)
-        for part in (self.keep, self.alike, self.count):
-            part.setEnabled(stance is not None)
+        stance = self._work.stance
+        self.count.setEnabled(stance is not None)
         last = stance.operations[-1] if stance is not None else None
         strays = last is not None and last.kind == "noise"
         self.noise.set_value(float(last.given["sigma"]) if last is not None and strays else 0.0)

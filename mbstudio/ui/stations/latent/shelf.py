@@ -16,7 +16,7 @@ from mbstudio.ui.widgets.grain_strip import GrainStrip
 _CLONES = 2  # their tab
 
 
-class Gallery(QFrame):
+class Shelf(QFrame):
     """Three strips of grains, one at a time.
 
     Attributes
@@ -35,7 +35,7 @@ class Gallery(QFrame):
 
     def __init__(self, icons: Icons) -> None:
         super().__init__()
-        self.setObjectName("gallery")
+        self.setObjectName("shelf")
         self.kept, self.parents = GrainStrip(tr("Kept grains"), named_by_hand=True), GrainStrip(tr("Parents"))
         self.clones = GrainStrip(tr("Clones"))
         self.tabs = QTabBar()
@@ -70,8 +70,8 @@ class Gallery(QFrame):
             strip.currentRowChanged.connect(lambda _: self._refresh())
         self.setFixedHeight(154)
         self.tabs.currentChanged.connect(lambda _: self._refresh())
-        self.remove.clicked.connect(self._forget)
-        self.rename.clicked.connect(self.kept.edit_chosen)
+        self.remove.clicked.connect(self.remove_chosen)
+        self.rename.clicked.connect(self.rename_chosen)
         self.kept.renamed.connect(self.rename_asked)
         self._refresh()
 
@@ -131,6 +131,11 @@ class Gallery(QFrame):
             button.setVisible(self.strip is self.kept)
             button.setEnabled(self.kept.chosen is not None)
 
-    def _forget(self) -> None:
+    def rename_chosen(self) -> None:
+        """Let the person write another name for the chosen kept grain."""
+        self.kept.edit_chosen()
+
+    def remove_chosen(self) -> None:
+        """Take the chosen kept grain away."""
         if self.kept.chosen is not None:
             self.forget_asked.emit(self.kept.chosen)

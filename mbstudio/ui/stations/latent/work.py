@@ -21,7 +21,7 @@ from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.core.vae.shaping.parents_range import ParentsRange
 from mbstudio.ui.language import tr
-from mbstudio.ui.latest import LatestOnly
+from mbstudio.ui.latest_request_worker import LatestRequestWorker
 from mbstudio.ui.stations.latent.history import ShapingHistory, Stance
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
@@ -85,7 +85,7 @@ class LatentWork(Work):
         self.is_held = self.is_beyond = False
         self._digest = ""
         self._learning: Task | None = None
-        self.live = LatestOnly("live grain", self)
+        self.live = LatestRequestWorker("live grain", self)
         self.live.done.connect(self._arrived)
         self.live.failed.connect(self._failed)
         workspace.style_changed.connect(self.take_style)
@@ -176,12 +176,14 @@ class LatentWork(Work):
         return self.history.stance
 
     @property
-    def can_undo(self) -> bool:
-        return self.history.undo_title is not None
+    def undo_title(self) -> str | None:
+        """The step that undo takes back; None where there is none."""
+        return self.history.undo_title
 
     @property
-    def can_redo(self) -> bool:
-        return self.history.redo_title is not None
+    def redo_title(self) -> str | None:
+        """The step that redo makes again; None where there is none."""
+        return self.history.redo_title
 
     def locks(self) -> dict[str, Any]:
         """Return what is locked, as operations want it."""

@@ -2,59 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.populations.link import PopulationLink
+from mbstudio.ui.stations.populations.work import PopulationWork
+from mbstudio.ui.workspace import Workspace
 
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
-
-def population_commands(window: MainWindow) -> list[Command]:
+def population_commands(
+    space: Workspace, work: PopulationWork, link: PopulationLink, open_page: Callable[[str], object]
+) -> list[Command]:
     """Return the commands of station Populations."""
-    space, work = window.workspace, window.populations
     commands = [
         Command(
-            "populations.measure",
-            tr("Measure populations"),
-            work.measure,
-            "Populations",
-            "Ctrl+M",
-            "ph.ruler",
-            tr("Measure grains and avatars for the plots"),
-            lambda: space.state.grains is not None and not work.is_measuring and not work.is_current,
+            id="populations.measure",
+            title=tr("Measure populations"),
+            run=work.measure,
+            menu="Populations",
+            shortcut="Ctrl+M",
+            icon="ph.ruler",
+            tip=tr("Measure grains and avatars for the plots"),
+            enabled=lambda: (
+                space.state.grains is not None and not work.run.is_running and not work.is_current
+            ),
         ),
         Command(
-            "populations.report",
-            tr("Write report…"),
-            window.files.ask_report,
-            "Populations",
-            "Ctrl+Shift+R",
-            "ph.file-text",
-            tr("Write tables and figures as one HTML file"),
-            lambda: space.state.grains is not None and not work.is_measuring,
+            id="populations.report",
+            title=tr("Write report…"),
+            run=link.ask_report,
+            menu="Populations",
+            shortcut="Ctrl+Shift+R",
+            icon="ph.file-text",
+            tip=tr("Write tables and figures as one HTML file"),
+            enabled=lambda: space.state.grains is not None and not work.run.is_running,
         ),
         Command(
-            "populations.save_figure",
-            tr("Save figure…"),
-            window.files.ask_figure,
-            "Populations",
-            "",
-            "ph.download-simple",
-            tr("Save the plot that is looked at as SVG, PNG or PDF"),
-            lambda: bool(work.populations),
+            id="populations.save_figure",
+            title=tr("Save figure…"),
+            run=link.ask_figure,
+            menu="Populations",
+            icon="ph.download-simple",
+            tip=tr("Save the plot that is looked at as SVG, PNG or PDF"),
+            enabled=lambda: bool(work.populations),
         ),
         Command(
-            "populations.copy_figure",
-            tr("Copy figure"),
-            window.brushing.copy_figure,
-            "Populations",
-            "",
-            "ph.copy",
-            tr("Put the plot that is looked at into the clipboard"),
-            lambda: bool(work.populations),
+            id="populations.copy_figure",
+            title=tr("Copy figure"),
+            run=link.copy_figure,
+            menu="Populations",
+            icon="ph.copy",
+            tip=tr("Put the plot that is looked at into the clipboard"),
+            enabled=lambda: bool(work.populations),
         ),
     ]
     for place, (name, title) in enumerate(
@@ -68,21 +69,14 @@ def population_commands(window: MainWindow) -> list[Command]:
     ):
         commands.append(
             Command(
-                f"populations.{name}",
-                title,
-                partial(_open_page, window, name),
-                "Populations",
-                f"Ctrl+Alt+{place + 1}",
-                "",
-                tr("Go to the plot: {plot}", plot=title),
-                lambda: space.state.grains is not None,
+                id=f"populations.{name}",
+                title=title,
+                run=partial(open_page, name),
+                menu="Populations",
+                shortcut=f"Ctrl+Alt+{place + 1}",
+                tip=tr("Go to the plot: {plot}", plot=title),
+                enabled=lambda: space.state.grains is not None,
                 separated=place == 0,
             )
         )
     return commands
-
-
-def _open_page(window: MainWindow, name: str) -> None:
-    window.enter("populations")
-    window.show_plots(True)
-    window.plots.open_page(name)

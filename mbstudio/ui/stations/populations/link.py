@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, QUrl
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QImage
+from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.populations import Population, size_distribution
 from mbstudio.scene.figures.form_figures import sneed_folk_figure, zingg_figure
 from mbstudio.scene.figures.population_figures import distribution_figure, joint_figure, sieve_figure
+from mbstudio.ui.figure_files import FIGURE_FILTER, draw_figure, fault_of_figure, figure_path
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.populations.dock import PopulationDock
+from mbstudio.ui.stations.populations.panel import PopulationPanel
 from mbstudio.ui.stations.populations.plots import Shown
+from mbstudio.ui.stations.populations.work import PopulationWork
+from mbstudio.ui.studio import Studio
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from mbstudio.ui.shell.main_window import MainWindow
 
 
 class PopulationLink(QObject):
@@ -26,31 +30,26 @@ class PopulationLink(QObject):
 
     Parameters
     ----------
-    window : MainWindow
+    studio : Studio
+    work : PopulationWork
+    panel : PopulationPanel
+    dock : PopulationDock
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window = window
-        self._work, self._space = window.populations, window.workspace
-        self._panel, self._dock = window.panels_populations, window.plots
-        self._measured: object = None
+    def __init__(
+        self, studio: Studio, work: PopulationWork, panel: PopulationPanel, dock: PopulationDock
+    ) -> None:
+        super().__init__(studio)
+        self._studio, self._space = studio, studio.workspace
+        self._work, self._panel, self._dock = work, panel, dock
         self._panel.shown_changed.connect(self._show)
-        self._panel.measure_asked.connect(self._work.measure)
-        self._panel.report_asked.connect(window.files.ask_report)
-        self._dock.save_asked.connect(window.files.ask_figure)
+        self._dock.save_asked.connect(self.ask_figure)
         self._dock.copy_asked.connect(self.copy_figure)
         self._dock.brushed.connect(self._brushed)
         self._space.selection_changed.connect(self._mark)
         self._space.grains_changed.connect(self._say)
         self._work.changed.connect(self._say)
         self._say()
-
-    def entered(self) -> None:
-        """Measure what was not measured yet, when the station is entered."""
-        busy = self._window.queue.running() is not None
-        if not busy and self._work.measured is None:
-            self._work.measure()
 
     # ---- in step -------------------------------------------------------------------------------
 
@@ -70,7 +69,7 @@ class PopulationLink(QObject):
     def _say(self) -> None:
         if self._space.state.grains is None:
             words = tr("There are no grains yet.\nFind them at station Grains, then come back.")
-        elif self._work.is_measuring:
+        elif self._work.run.is_running:
             words = tr("Grains and avatars are being measured …\nPlots appear here when that is done.")
         else:
             words = tr("Press “Measure” on the left.\nPlots of the grains and their avatars appear here.")
@@ -78,12 +77,27 @@ class PopulationLink(QObject):
 
     # ---- figures and report --------------------------------------------------------------------
 
-    def save_figure(self, path: Path) -> None:
-        """Save the page that is looked at as a figure of a report."""
-        messages = self._window.messages
-        task = self._work.draw(self._maker(), path)
+    def ask_figure(self) -> None:
+        """Ask for a file and save the plot that is looked at to it."""
+        name, kind = QFileDialog.getSaveFileName(
+            self._studio.host,
+            tr("Save figure"),
+            self._studio.path_for(f"{self._dock.page_name}.svg"),
+            tr(FIGURE_FILTER),
+        )
+        if name:
+            self.save_figure(Path(name), kind)
+
+    def save_figure(self, path: Path, kind: str = "") -> None:
+        """Save the plot that is looked at as a figure of a report: SVG, PNG or PDF by its ending."""
+        path, studio = figure_path(path, kind), self._studio
+        fault = fault_of_figure(path)
+        if fault:
+            studio.say("error", fault)
+            return
+        task = draw_figure(studio.queue, self._maker(), path)
         task.succeeded.connect(
-            lambda written: messages.say("success", tr("Saved the figure as {path}.", path=written))
+            lambda written: studio.say("success", tr("Saved the figure as {path}.", path=written))
         )
 
     def copy_figure(self) -> None:
@@ -95,9 +109,22 @@ class PopulationLink(QObject):
             height, width, _ = pixels.shape  # type: ignore[attr-defined]
             image = QImage(pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)  # type: ignore[attr-defined]
             QGuiApplication.clipboard().setImage(image.copy())
-            self._window.messages.say("success", tr("Copied the figure to the clipboard."))
+            self._studio.say("success", tr("Copied the figure to the clipboard."))
 
-        self._work.draw(self._maker()).succeeded.connect(take)
+        draw_figure(self._studio.queue, self._maker()).succeeded.connect(take)
+
+    def ask_report(self) -> None:
+        """Ask for a file and write the report on the populations to it."""
+        path = self._space.project.path
+        name, _ = QFileDialog.getSaveFileName(
+            self._studio.host,
+            tr("Write report"),
+            self._studio.path_for(f"{path.stem}.html" if path else "report.html"),
+            tr("HTML page (*.html)"),
+        )
+        if name:
+            chosen = Path(name)
+            self.write_report(chosen if chosen.suffix else chosen.with_suffix(".html"))
 
     def write_report(self, path: Path) -> None:
         """Write the report, and offer to open it."""
@@ -106,7 +133,7 @@ class PopulationLink(QObject):
             return
         address = QUrl.fromLocalFile(str(path.resolve()))
         task.succeeded.connect(
-            lambda _: self._window.messages.say(
+            lambda _: self._studio.say(
                 "success",
                 tr("Wrote the report {path}.", path=path),
                 tr("Open"),

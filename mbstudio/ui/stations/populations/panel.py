@@ -35,12 +35,9 @@ class PopulationPanel(Panel):
     Attributes
     ----------
     shown_changed : signal (Shown)
-    measure_asked, report_asked : signal
     """
 
     shown_changed = Signal(object)
-    measure_asked = Signal()
-    report_asked = Signal()
 
     def __init__(self, workspace: Workspace, work: PopulationWork) -> None:
         super().__init__(
@@ -122,8 +119,6 @@ class PopulationPanel(Panel):
         self.detail.toggled.connect(lambda on: self._work.ask(detail=on))
         for field in (self.factor, self.second, self.by, self.sieves):
             field.currentIndexChanged.connect(self._show_choice)
-        self.measure_button.clicked.connect(self.measure_asked)
-        self.report_button.clicked.connect(self.report_asked)
         self._work.changed.connect(self.refresh)
         self._workspace.selection_changed.connect(self._write_hint)
 
@@ -186,7 +181,7 @@ class PopulationPanel(Panel):
         work, state, chosen = self._work, self._workspace.state, self._workspace.chosen
         if state.grains is None:
             text = tr("Find the grains first (station Grains).")
-        elif work.is_measuring:
+        elif work.run.is_running:
             text = tr("Measuring … the status bar shows how far it is, and can cancel it.")
         elif work.measured is None:
             text = tr("Nothing was measured yet.")
@@ -199,7 +194,3 @@ class PopulationPanel(Panel):
             text = tr("No grain chosen: click or drag in a plot, the view or the table.")
         self._hint.setText(text)
         self.measure_button.setText(tr("Measure again") if work.measured is not None else tr("Measure"))
-        self.measure_button.setEnabled(
-            state.grains is not None and not work.is_measuring and not work.is_current
-        )
-        self.report_button.setEnabled(state.grains is not None and not work.is_measuring)

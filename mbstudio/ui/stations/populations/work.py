@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from PySide6.QtCore import QObject, Signal
@@ -15,14 +14,12 @@ from mbstudio.core.populations import Population
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.project.measuring import ProjectPopulations, measure_project
-from mbstudio.scene.pictures.figures import drawn
 from mbstudio.ui.language import tr
+from mbstudio.ui.offers import Offers
+from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Scope = Literal["fitted", "inside"]
 KEPT = 4  # measured populations: as many as undo and another convention bring back soon
@@ -65,33 +62,33 @@ class PopulationWork(Work):
 
     Attributes
     ----------
+    run : Run
     asked : Asked
         What :meth:`measure` measures.
     measured : Measured or None
         What was measured last, of the grains that the project still has.
-    others : list of Population
-        Further populations to be shown beside the project's own.
     changed : signal
         Something was measured, given up, or is out of date.
     """
 
     changed = Signal()
 
-    def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
+    def __init__(
+        self, workspace: Workspace, queue: TaskQueue, offers: Offers, parent: QObject | None = None
+    ) -> None:
         super().__init__(workspace, queue, parent)
+        self._offers = offers
+        self.run = Run(queue, self)
+        self.run.changed.connect(self.changed)
         self.asked = Asked()
         self.measured: Measured | None = None
-        self.others: list[Population] = []
         self._kept: list[Measured] = []
-        self._task: Task | None = None
         workspace.grains_changed.connect(self._grains_changed)
         workspace.fits_changed.connect(self._look_up)
+        offers.compared_changed.connect(self.changed)
+        self.changed.connect(lambda: offers.offer_populations(self.populations))
 
     # ---- what there is -------------------------------------------------------------------------
-
-    @property
-    def is_measuring(self) -> bool:
-        return self._task is not None and not self._task.is_over
 
     @property
     def is_current(self) -> bool:
@@ -102,12 +99,7 @@ class PopulationWork(Work):
     def populations(self) -> list[Population]:
         """All populations that can be shown, the reference first."""
         own = [] if self.measured is None else self.measured.populations
-        return [*own, *self.others]
-
-    def show_others(self, populations: Sequence[Population]) -> None:
-        """Show these populations (clones) beside the project's own."""
-        self.others = list(populations)
-        self.changed.emit()
+        return [*own, *self._offers.compared]
 
     def ask(self, **changes: Any) -> None:
         """Change what is to be measured."""
@@ -119,21 +111,16 @@ class PopulationWork(Work):
     def measure(self) -> Task | None:
         """Measure as asked; None if there are no grains or it runs already."""
         state, asked = self.workspace.state, self.asked
-        if state.grains is None or self.is_measuring:
+        if state.grains is None or self.run.is_running:
             return None
         task = Task(tr("Measuring populations"), lambda control: _measure(state, asked, control))
         task.succeeded.connect(self._take)
-        return self._submit(task)
-
-    def cancel(self) -> None:
-        """Give up what is being measured."""
-        if self._task is not None:
-            self._task.cancel()
+        return self.run.start(task)
 
     def write_report(self, path: Path, sieves: SieveSeries = "iso") -> Task | None:
         """Write the report of ``mbstudio report``, measuring first where that is to be done."""
         state, asked = self.workspace.state, self.asked
-        if state.grains is None or self.is_measuring:
+        if state.grains is None or self.run.is_running:
             return None
         known = self.measured if self.is_current else None
         name = self.workspace.project.path
@@ -151,31 +138,7 @@ class PopulationWork(Work):
 
         task = Task(tr("Writing {name}", name=path.name), work)
         task.succeeded.connect(self._take)
-        return self._submit(task)
-
-    def draw(self, make: Callable[[], Figure], path: Path | None = None) -> Task:
-        """Draw a figure in the background: into a file by its ending, or as the task's result in pixels."""
-
-        def work(control: Control) -> Any:
-            figure = make()
-            control.checkpoint()
-            if path is None:
-                return drawn(figure)
-            from mbstudio.core.replacement import replacing
-
-            with replacing(path) as temporary:
-                figure.savefig(temporary, format=path.suffix.lower()[1:], facecolor="white", dpi=200)
-            return path
-
-        return self.queue.submit(Task(tr("Drawing the figure"), work))
-
-    def _submit(self, task: Task) -> Task:
-        self._task = task
-        task.ended.connect(self.changed)
-        task.started.connect(self.changed)
-        self.queue.submit(task)
-        self.changed.emit()
-        return task
+        return self.run.start(task)
 
     def _take(self, measured: Measured) -> None:
         self._kept = [measured, *(one for one in self._kept if one is not measured)][:KEPT]
@@ -187,8 +150,8 @@ class PopulationWork(Work):
                 self.said.emit("warning", told)
 
     def _grains_changed(self) -> None:
-        self.cancel()
-        self.measured, self.others = None, []
+        self.run.cancel()
+        self.measured = None
         self._look_up()
 
     def _look_up(self) -> None:

@@ -13,8 +13,9 @@ from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.populations import Population
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
-from mbstudio.ui.workers import Control, Report, Task, TaskQueue
+from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -40,57 +41,36 @@ class CloneWork(Work):
 
     Attributes
     ----------
-    selected : int or None
-        The clone that is looked at, counted from 1.
+    run : Run
+        The generation.
+    assessing : Run
+        The comparison with the parents.
     assessed : Assessed or None
         Of the present clones.
-    progress : Report or None
-        Of the generation that runs.
     refused : signal (str)
         Why what was asked for cannot be generated; empty when it can.
-    selection_changed, changed : signal
+    changed : signal
     """
 
     refused = Signal(str)
-    selection_changed = Signal()
     changed = Signal()
 
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
-        self.selected: int | None = None
         self.assessed: Assessed | None = None
-        self.progress: Report | None = None
-        self._task: Task | None = None
-        self._assessing: Task | None = None
+        self.run, self.assessing = Run(queue, self), Run(queue, self)
+        for run in (self.run, self.assessing):
+            run.changed.connect(self.changed)
         self._parents: tuple[StyleLearner, Population] | None = None
         workspace.clones_changed.connect(self._clones_changed)
 
     # ---- what there is ---------------------------------------------------------------------------
 
     @property
-    def is_running(self) -> bool:
-        """Whether clones are being generated."""
-        return self._task is not None and not self._task.is_over
-
-    @property
-    def is_assessing(self) -> bool:
-        """Whether clones are being compared with their parents."""
-        return self._assessing is not None and not self._assessing.is_over
-
-    @property
     def factors(self) -> Population | None:
         """What was measured of the clones."""
         clones = self.workspace.clones
         return None if clones is None else clones.factors
-
-    def select(self, clone: int | None) -> None:
-        """Look at one clone, counted from 1, or at none."""
-        clones = self.workspace.clones
-        if clone is not None and (clones is None or not 1 <= clone <= len(clones)):
-            clone = None
-        if clone != self.selected:
-            self.selected = clone
-            self.selection_changed.emit()
 
     # ---- generating ------------------------------------------------------------------------------
 
@@ -114,7 +94,7 @@ class CloneWork(Work):
     def generate(self, count: int, seed: int = 0, where: Sequence[str] = ()) -> Task | None:
         """Generate clones in the style that is there; None without one, or while it runs."""
         learner = self.workspace.style
-        if learner is None or self.is_running:
+        if learner is None or self.run.is_running:
             return None
 
         def work(control: Control) -> Generation:
@@ -133,24 +113,9 @@ class CloneWork(Work):
         # What cannot be had is said where it was asked for.
         task.handled = (GenerationError,)
         task.failed.connect(self._refuse)
-        task.reported.connect(self._report)
         task.succeeded.connect(lambda found: self._take(found, learner))
-        for signal in (task.started, task.ended):
-            signal.connect(self.changed)
-        self._task, self.progress = task, None
         self.refused.emit("")
-        self.queue.submit(task)
-        self.changed.emit()
-        return task
-
-    def cancel(self) -> None:
-        """Give up the generation; the clones that were there stay."""
-        if self._task is not None:
-            self._task.cancel()
-
-    def _report(self, report: Report) -> None:
-        self.progress = report
-        self.changed.emit()
+        return self.run.start(task)
 
     def _refuse(self, error: Exception) -> None:
         if isinstance(error, GenerationError):
@@ -179,7 +144,7 @@ class CloneWork(Work):
     def assess(self) -> Task | None:
         """Compare the clones with their parents; None if that is done or cannot be."""
         learner, clones = self.workspace.style, self.workspace.clones
-        if learner is None or clones is None or clones.factors is None or self.is_assessing:
+        if learner is None or clones is None or clones.factors is None or self.assessing.is_running:
             return None
         if self.assessed is not None and self.assessed.clones is clones:
             return None
@@ -187,12 +152,7 @@ class CloneWork(Work):
             tr("Comparing clones and parents"), lambda control: self._compared(learner, clones, control)
         )
         task.succeeded.connect(self._keep)
-        for signal in (task.started, task.ended):
-            signal.connect(self.changed)
-        self._assessing = task
-        self.queue.submit(task)
-        self.changed.emit()
-        return task
+        return self.assessing.start(task)
 
     def write_report(self, path: Path) -> Task | None:
         """Write the report of ``mbstudio generate --report``, comparing first where that is to be done."""
@@ -250,7 +210,6 @@ class CloneWork(Work):
     def _clones_changed(self) -> None:
         if self.assessed is not None and self.assessed.clones is not self.workspace.clones:
             self.assessed = None
-        self.select(None)
         self.changed.emit()
 
     # ---- for the other stations ------------------------------------------------------------------

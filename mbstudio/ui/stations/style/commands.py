@@ -2,59 +2,108 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.style.clone_work import CloneWork
+from mbstudio.ui.stations.style.link import StyleLink
+from mbstudio.ui.stations.style.panel import StylePanel
+from mbstudio.ui.stations.style.work import StyleWork
+from mbstudio.ui.studio import Studio
 
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
-
-def style_commands(window: MainWindow) -> list[Command]:
+def style_commands(
+    studio: Studio, work: StyleWork, clone_work: CloneWork, panel: StylePanel, link: StyleLink
+) -> list[Command]:
     """Return the commands of station Style."""
-    space, styles, clones = window.workspace, window.styles, window.clones
-    link, panel = window.style_link, window.panels_style
+    return [*_learn(studio, work, panel, link), *_generate(studio, clone_work, panel, link)]
+
+
+def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) -> list[Command]:
+    space = studio.workspace
 
     def learn() -> None:
-        window.enter("style")
+        studio.enter("style")
         panel.open_page("learn")
         panel.learn.learn()
 
+    return [
+        Command(
+            id="style.learn",
+            title=tr("Learn style"),
+            run=learn,
+            menu="Style",
+            shortcut="Ctrl+L",
+            icon="ph.graduation-cap",
+            tip=tr("Learn the form of the parents chosen at station Style"),
+            enabled=lambda: panel.learn.learn_button.isEnabled() and not work.run.is_running,
+        ),
+        Command(
+            id="style.pause",
+            title=tr("Pause or resume learning"),
+            run=work.run.pause_or_resume,
+            menu="Style",
+            icon="ph.pause-circle",
+            tip=tr("Halt the training, or let it go on"),
+            enabled=lambda: work.run.is_running,
+        ),
+        Command(
+            id="style.stop",
+            title=tr("Stop learning and keep the best"),
+            run=work.run.stop,
+            menu="Style",
+            icon="ph.stop-circle",
+            tip=tr("End the training with its best state"),
+            enabled=lambda: work.is_training,
+        ),
+        Command(
+            id="style.open",
+            title=tr("Open style-learner…"),
+            run=link.ask_style,
+            menu="Style",
+            icon="ph.folder-open",
+            tip=tr("Open a folder that holds a style-learner"),
+            enabled=lambda: not work.run.is_running,
+            separated=True,
+        ),
+        Command(
+            id="style.save",
+            title=tr("Save style-learner…"),
+            run=link.ask_folder,
+            menu="Style",
+            icon="ph.floppy-disk",
+            tip=tr("Write the style-learner into a folder"),
+            enabled=lambda: space.style is not None,
+        ),
+    ]
+
+
+def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: StyleLink) -> list[Command]:
+    space = studio.workspace
+
     def generate() -> None:
-        window.enter("style")
+        studio.enter("style")
         panel.open_page("generate")
         panel.generate.generate()
 
     return [
         Command(
-            "style.learn", tr("Learn style"), learn, "Style", "Ctrl+L", "ph.graduation-cap",
-            tr("Learn the form of the parents chosen at station Style"),
-            lambda: panel.learn.learn_button.isEnabled() and not styles.is_running,
+            id="style.generate",
+            title=tr("Generate clones"),
+            run=generate,
+            menu="Style",
+            shortcut="Ctrl+Shift+G",
+            icon="ph.sparkle",
+            tip=tr("New grains in the style, as station Style asks for them"),
+            enabled=lambda: space.style is not None and not clone_work.run.is_running,
+            separated=True,
         ),
         Command(
-            "style.pause", tr("Pause or resume learning"), styles.pause, "Style", "", "ph.pause-circle",
-            tr("Halt the training, or let it go on"), lambda: styles.is_running,
+            id="style.report",
+            title=tr("Write report on the clones…"),
+            run=link.ask_report,
+            menu="Style",
+            icon="ph.file-text",
+            tip=tr("Write clones and parents compared as one HTML file"),
+            enabled=lambda: space.clones is not None,
         ),
-        Command(
-            "style.stop", tr("Stop learning and keep the best"), styles.stop, "Style", "", "ph.stop-circle",
-            tr("End the training with its best state"), lambda: styles.is_training,
-        ),
-        Command(
-            "style.open", tr("Open style-learner…"), link.ask_style, "Style", "", "ph.folder-open",
-            tr("Open a folder that holds a style-learner"), lambda: not styles.is_running, separated=True,
-        ),
-        Command(
-            "style.save", tr("Save style-learner…"), link.ask_folder, "Style", "", "ph.floppy-disk",
-            tr("Write the style-learner into a folder"), lambda: space.style is not None,
-        ),
-        Command(
-            "style.generate", tr("Generate clones"), generate, "Style", "Ctrl+Shift+G", "ph.sparkle",
-            tr("New grains in the style, as station Style asks for them"),
-            lambda: space.style is not None and not clones.is_running, separated=True,
-        ),
-        Command(
-            "style.report", tr("Write report on the clones…"), link.ask_report, "Style", "", "ph.file-text",
-            tr("Write clones and parents compared as one HTML file"), lambda: space.clones is not None,
-        ),
-    ]  # fmt: skip
+    ]

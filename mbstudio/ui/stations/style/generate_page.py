@@ -11,7 +11,6 @@ from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import tr
-from mbstudio.ui.shell.task_strip import readable_time
 from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.dock import SHOWN
 from mbstudio.ui.widgets.comparison_table import ComparisonTable
@@ -112,14 +111,15 @@ class GeneratePage(QWidget):
 
     def _connect(self) -> None:
         self.generate_button.clicked.connect(self.generate)
-        self.cancel_button.clicked.connect(self._work.cancel)
+        self.cancel_button.clicked.connect(self._work.run.cancel)
         self.report_button.clicked.connect(self.report_asked)
         self.populations_button.clicked.connect(self.populations_asked)
         self.export_button.clicked.connect(self.export_asked)
         self.where.textChanged.connect(lambda: self._refuse(""))
         self._work.refused.connect(self._refuse)
         self._work.changed.connect(self.refresh)
-        self._work.selection_changed.connect(self._show_clone)
+        self._work.run.reported.connect(self.refresh)
+        self._workspace.clone_changed.connect(self._show_clone)
         self._workspace.style_changed.connect(self.refresh)
 
     def generate(self) -> None:
@@ -139,7 +139,7 @@ class GeneratePage(QWidget):
 
     def refresh(self) -> None:
         """Show what runs, what can be done and the clone that is looked at."""
-        running, learner = self._work.is_running, self._workspace.style
+        running, learner = self._work.run.is_running, self._workspace.style
         clones = self._workspace.clones
         self.generate_button.setVisible(not running)
         self.generate_button.setEnabled(learner is not None)
@@ -147,11 +147,7 @@ class GeneratePage(QWidget):
         self._after.setVisible(not running and clones is not None)
         hint = ""
         if running:
-            report = self._work.progress
-            left = None if report is None else report.seconds_left
-            hint = tr("Drawing candidates …") if report is None else report.message
-            if left:
-                hint = tr("{hint} · {time} left", hint=hint, time=readable_time(left))
+            hint = self._work.run.state()
         elif learner is None:
             hint = tr("There is no style yet: learn or open one first.")
         self._hint.setText(hint)
@@ -159,7 +155,7 @@ class GeneratePage(QWidget):
         self._show_clone()
 
     def _show_clone(self) -> None:
-        clones, factors, chosen = self._workspace.clones, self._work.factors, self._work.selected
+        clones, factors, chosen = self._workspace.clones, self._work.factors, self._workspace.clone
         self._clone.setVisible(clones is not None)
         self._facts.setVisible(clones is not None)
         self.factors.setVisible(factors is not None)

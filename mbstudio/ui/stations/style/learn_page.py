@@ -12,7 +12,6 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QS
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.shell.task_strip import readable_time
 from mbstudio.ui.stations.style.work import Asked, Parents, Source, StyleWork, percent
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.workspace import Workspace
@@ -150,15 +149,15 @@ class LearnPage(QWidget):
         self.folder.textChanged.connect(lambda _: self.refresh())
         self.learn_button.clicked.connect(self.learn)
         self.on_button.clicked.connect(self.learn_on)
-        self.pause_button.clicked.connect(self._work.pause)
-        self.stop_button.clicked.connect(self._work.stop)
-        self.cancel_button.clicked.connect(self._work.cancel)
+        self.pause_button.clicked.connect(self._work.run.pause_or_resume)
+        self.stop_button.clicked.connect(self._work.run.stop)
+        self.cancel_button.clicked.connect(self._work.run.cancel)
         self.open_button.clicked.connect(self.open_asked)
         self.save_button.clicked.connect(self.save_asked)
         space = self._workspace
         for signal in (
             space.grains_changed, space.fits_changed, space.selection_changed, space.style_changed,
-            self._work.changed,
+            self._work.changed, self._work.run.reported,
         ):  # fmt: skip
             signal.connect(self.refresh)
 
@@ -242,7 +241,7 @@ class LearnPage(QWidget):
         return None if source == "folder" else len(self._work.labels(source))
 
     def _show_foot(self, count: int | None) -> None:
-        running = self._work.is_running
+        running = self._work.run.is_running
         folder = self.source.currentData() == "folder"
         ready = bool(self.folder.text().strip()) if folder else count is not None and count >= FEWEST
         new = 0 if folder else len(self._work.new_labels(self.source.currentData()))
@@ -258,24 +257,15 @@ class LearnPage(QWidget):
             tr("Learn on") if folder else tr("Learn on from {count} new parents", count=new)
         )
         self._running.setVisible(running)
-        self.pause_button.setText(tr("Resume") if self._work.is_paused else tr("Pause"))
+        self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
         self.stop_button.setEnabled(self._work.is_training)
-        hint = self._progress() if running else "" if ready else self._why_not(folder, count)
+        hint = self._state() if running else "" if ready else self._why_not(folder, count)
         self._hint.setText(hint)
         self._hint.setVisible(bool(hint))
 
-    def _progress(self) -> str:
+    def _state(self) -> str:
         """Return what runs, how far it is and how long it takes still."""
-        report = self._work.progress
-        if self._work.is_paused:
-            return tr("Paused.")
-        if report is None:
-            return tr("Waiting for its turn.")
-        what = tr("Training") if self._work.is_training else tr("Serializing")
-        hint = f"{what}: {report.message[:1].lower()}{report.message[1:]}"
-        if report.seconds_left is None:
-            return hint
-        return tr("{hint} · {time} left", hint=hint, time=readable_time(report.seconds_left))
+        return self._work.run.state(tr("Training") if self._work.is_training else tr("Serializing"))
 
     def _why_not(self, folder: bool, count: int | None) -> str:
         if folder:

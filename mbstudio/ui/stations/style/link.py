@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.layers.tray import tray_surface
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.language import tr
-from mbstudio.ui.soon import Soon
+from mbstudio.ui.stations.style.clone_work import CloneWork
+from mbstudio.ui.stations.style.dock import StyleDock
+from mbstudio.ui.stations.style.panel import StylePanel
+from mbstudio.ui.stations.style.work import StyleWork
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.workers import Task
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
 PAGE = 100  # clones that are laid out at a time
 
@@ -25,14 +27,27 @@ class StyleLink(QObject):
 
     Parameters
     ----------
-    window : MainWindow
+    studio : Studio
+    view : SceneView
+    work : StyleWork
+    clone_work : CloneWork
+    panel : StylePanel
+    dock : StyleDock
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._soon = window, Soon(self)
-        self._space, self._styles, self._clones = window.workspace, window.styles, window.clones
-        self._panel, self._dock = window.panels_style, window.style_page
+    def __init__(
+        self,
+        studio: Studio,
+        view: SceneView,
+        work: StyleWork,
+        clone_work: CloneWork,
+        panel: StylePanel,
+        dock: StyleDock,
+    ) -> None:
+        super().__init__(studio)
+        self._studio, self._view, self._deferred = studio, view, DeferredCalls(self)
+        self._space, self._work, self._clone_work = studio.workspace, work, clone_work
+        self._panel, self._dock = panel, dock
         self._laid_out: tuple[object, int, str] | None = None
         self._assessed: object = None
         learn, generate = self._panel.learn, self._panel.generate
@@ -40,60 +55,50 @@ class StyleLink(QObject):
         learn.open_asked.connect(self.ask_style)
         learn.save_asked.connect(self.ask_folder)
         generate.report_asked.connect(self.ask_report)
-        generate.populations_asked.connect(lambda: window.enter("populations"))
+        generate.populations_asked.connect(lambda: studio.enter("populations"))
         generate.export_asked.connect(self._export)
-        self._styles.began.connect(self._began)
-        self._styles.recorded.connect(self._dock.training.add_records)
-        self._dock.clones.chosen.connect(self._clones.select)
-        self._clones.selection_changed.connect(self._selected)
-        self._clones.changed.connect(self._show_quality)
+        self._work.began.connect(self._began)
+        self._work.recorded.connect(self._dock.training.add_records)
+        self._dock.clones.chosen.connect(self._space.select_clone)
+        self._space.clone_changed.connect(self._selected)
+        self._clone_work.changed.connect(self._show_quality)
         self._space.clones_changed.connect(self._clones_changed)
         self._space.style_changed.connect(self._show_quality)
         for signal in (self._space.grains_changed, self._space.scan_changed):
             signal.connect(self._share)
-            signal.connect(self._lay_out)
-        window.viewport.clicked.connect(self._clicked)
-        window.viewport.installEventFilter(self)
-        for work in (self._styles, self._clones):
-            work.said.connect(window.messages.say)
-            work.changed.connect(window.refresh)
+            signal.connect(self.lay_out)
+        studio.viewport.clicked.connect(self._clicked)
+        studio.viewport.installEventFilter(self)
         self._clones_changed()
-
-    def entered(self) -> None:
-        """Lay the clones out and compare them, when the station is entered."""
-        self._lay_out()
-        if self._window.queue.running() is None:
-            self._clones.assess()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Resize:
             # Once the view has taken its new size.
-            self._soon.call(self._window.link.refit_tray)
+            self._deferred.call(self._view.refit_tray)
         return super().eventFilter(watched, event)
 
     # ---- in step ---------------------------------------------------------------------------------
 
     def _began(self) -> None:
-        self._dock.training.set_records(self._styles.records)
-        if self._styles.is_running:
+        self._dock.training.set_records(self._work.records)
+        if self._work.run.is_running:
             self._dock.open_page("training")
 
     def _clones_changed(self) -> None:
-        self._dock.clones.show_clones(self._clones.factors)
+        self._dock.clones.show_clones(self._clone_work.factors)
         if self._space.clones is not None:
             self._dock.open_page("clones")
             self._panel.open_page("generate")
         self._show_quality()
-        self._lay_out()
+        self.lay_out()
         self._share()
-        self._window.panels_export.offer_clones(self._space.clones)
 
     def _share(self) -> None:
         """Show the clones as a population beside grains and avatars."""
-        self._window.populations.show_others(self._clones.shown_populations())
+        self._studio.offers.compare(self._clone_work.shown_populations())
 
     def _show_quality(self) -> None:
-        assessed, clones = self._clones.assessed, self._space.clones
+        assessed, clones = self._clone_work.assessed, self._space.clones
         if assessed is not None and clones is not None:
             if assessed is not self._assessed:
                 assert clones.factors is not None
@@ -104,56 +109,56 @@ class StyleLink(QObject):
             self._dock.quality.say(
                 tr("Generate clones: how like their parents they are, and how new, appears here.")
             )
-        elif self._clones.is_assessing:
+        elif self._clone_work.assessing.is_running:
             self._dock.quality.say(tr("The clones are being compared with their parents …"))
         else:
             self._dock.quality.say(tr("The clones have not been compared with their parents yet."))
         self._assessed = assessed
 
     def _selected(self) -> None:
-        chosen = self._clones.selected
+        chosen = self._space.clone
         self._dock.clones.select(chosen)
-        self._window.link.scene.layers.tray.select(chosen)
-        self._lay_out()
-        self._window.viewport.request_render()
+        self._view.scene.layers.tray.select(chosen)
+        self.lay_out()
+        self._studio.viewport.request_render()
 
     def _clicked(self, x: float, y: float) -> None:
-        tray = self._window.link.scene.layers.tray
+        tray = self._view.scene.layers.tray
         if tray.is_visible:
             hit = tray.pick(x, y)
-            self._clones.select(None if hit is None else hit.label)
+            self._space.select_clone(None if hit is None else hit.label)
 
     def _export(self) -> None:
-        self._window.panels_export.choose("clones")
-        self._window.enter("export")
+        self._studio.offers.choose_export("clones")
+        self._studio.enter("export")
 
     # ---- the tray --------------------------------------------------------------------------------
 
-    def _lay_out(self) -> None:
+    def lay_out(self) -> None:
         """Build the page of the tray that holds the chosen clone, if it does not lie there."""
-        clones, tray = self._space.clones, self._window.link.scene.layers.tray
+        clones, tray = self._space.clones, self._view.scene.layers.tray
         if clones is None:
             self._laid_out = None
             if tray.holds_something:
                 tray.set(None)
-                self._window.link.arrange()
+                self._view.arrange()
             return
-        if not self._window.link.shows_tray:
+        if not self._view.shows_tray:
             return
         grains, scan = self._space.state.grains, self._space.scan
         unit = grains.unit if grains is not None else scan.unit if scan is not None else clones.clones.unit
-        first = ((self._clones.selected or 1) - 1) // PAGE * PAGE
+        first = ((self._space.clone or 1) - 1) // PAGE * PAGE
         wanted = (clones, first, unit)
         if self._laid_out == wanted:
             return
         self._laid_out = wanted
         rows = range(first, min(first + PAGE, len(clones)))
         # Not of the view itself, which may not have been shown yet.
-        room = self._window.view_room
+        room = self._view.room
         aspect = max(0.4, room.width() / max(1, room.height()))
         scale = conversion_factor(clones.clones.unit, unit)
         # Software draws every triangle on the processor, in the main thread.
-        cells = (36 if len(rows) <= 30 else 24) if self._window.viewport.kind == "OpenGL" else 20
+        cells = (36 if len(rows) <= 30 else 24) if self._studio.viewport.kind == "OpenGL" else 20
         task = Task(
             tr("Drawing the clones"),
             lambda control: tray_surface(
@@ -165,18 +170,18 @@ class StyleLink(QObject):
         def done(surface: object) -> None:
             if self._laid_out == wanted:
                 tray.set(surface, unit)  # type: ignore[arg-type]
-                tray.select(self._clones.selected)
-                self._window.link.arrange()
+                tray.select(self._space.clone)
+                self._view.arrange()
 
         task.succeeded.connect(done)
-        self._window.queue.submit(task, lane="view", key="clones")
+        self._studio.queue.submit(task, lane="view", key="clones")
 
     # ---- files -----------------------------------------------------------------------------------
 
     def ask_meshes(self) -> None:
         """Let the person choose a folder of meshes to learn from."""
         name = QFileDialog.getExistingDirectory(
-            self._window, tr("Folder of meshes"), self._window.files.folder()
+            self._studio.host, tr("Folder of meshes"), self._studio.path_for()
         )
         if name:
             self._panel.learn.folder.setText(name)
@@ -184,25 +189,25 @@ class StyleLink(QObject):
     def ask_style(self) -> None:
         """Let the person choose the folder of a style-learner."""
         name = QFileDialog.getExistingDirectory(
-            self._window, tr("Open style-learner"), self._window.files.folder()
+            self._studio.host, tr("Open style-learner"), self._studio.path_for()
         )
         if name:
-            self._styles.open(Path(name))
+            self._work.open(Path(name))
 
     def ask_folder(self) -> None:
         """Let the person choose where the style-learner is saved."""
         name = QFileDialog.getExistingDirectory(
-            self._window, tr("Empty folder for the style-learner"), self._window.files.folder()
+            self._studio.host, tr("Empty folder for the style-learner"), self._studio.path_for()
         )
         if name:
-            self._styles.save(Path(name))
+            self._work.save(Path(name))
 
     def ask_report(self) -> None:
         """Ask for a file and write the report on the clones to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._window,
+            self._studio.host,
             tr("Write report"),
-            self._window.files.folder("clones.html"),
+            self._studio.path_for("clones.html"),
             tr("HTML page (*.html)"),
         )
         if name:
@@ -211,8 +216,6 @@ class StyleLink(QObject):
 
     def write_report(self, path: Path) -> None:
         """Write the report on the clones."""
-        messages, task = self._window.messages, self._clones.write_report(path)
+        studio, task = self._studio, self._clone_work.write_report(path)
         if task is not None:
-            task.succeeded.connect(
-                lambda _: messages.say("success", tr("Wrote the report {path}.", path=path))
-            )
+            task.succeeded.connect(lambda _: studio.say("success", tr("Wrote the report {path}.", path=path)))

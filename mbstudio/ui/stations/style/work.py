@@ -18,6 +18,7 @@ from mbstudio.core.project import ProjectState
 from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.presets import PRESETS, find_preset
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -102,6 +103,8 @@ class StyleWork(Work):
 
     Attributes
     ----------
+    run : Run
+        The serialization of the parents, then the training.
     records : list of TrainingStep
         Of the training that runs or ran last.
     began : signal
@@ -122,54 +125,26 @@ class StyleWork(Work):
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
         self.records: list[TrainingStep] = []
-        self._task: Task | None = None
+        self.run = Run(queue, self)
+        self.run.changed.connect(self.changed)
         self._learning: _Learning | None = None
         self._serialized: _Serialized | None = None
-        self.progress: Report | None = None
         workspace.project_replaced.connect(self._forget)
 
     # ---- what runs -----------------------------------------------------------------------------
 
     @property
-    def is_running(self) -> bool:
-        """Whether parents are serialized or a training runs, waits or is paused."""
-        return self._task is not None and not self._task.is_over
-
-    @property
     def is_training(self) -> bool:
         """Whether a training runs, of which the best state can be kept."""
-        return self.is_running and self._learning is not None
+        return self.run.can_stop and self._learning is not None
 
     @property
     def arrived_style(self) -> StyleLearner | None:
         """The best state so far of a long training, for a project that has no style-learner yet."""
         learning = self._learning
-        if not self.is_running or learning is None or self.workspace.style is not None:
+        if not self.run.is_running or learning is None or self.workspace.style is not None:
             return None
         return learning.announced
-
-    @property
-    def is_paused(self) -> bool:
-        return self._task is not None and not self._task.is_over and self._task.is_paused
-
-    def pause(self) -> None:
-        """Pause, or go on if it is paused."""
-        if self._task is not None and not self._task.is_over:
-            self._task.pause_or_resume()
-            self.changed.emit()
-            self.queue.changed.emit()
-
-    def stop(self) -> None:
-        """End the training and keep its best state."""
-        if self._learning is not None and self._task is not None:
-            self._learning.stop = True
-            self._task.resume()
-            self.changed.emit()
-
-    def cancel(self) -> None:
-        """Give up; the style that was there stays."""
-        if self._task is not None:
-            self._task.cancel()
 
     # ---- what there is to learn from -------------------------------------------------------------
 
@@ -206,7 +181,7 @@ class StyleWork(Work):
 
     def learn(self, asked: Asked) -> Task | None:
         """Serialize the parents, then train; None while something is learned already."""
-        if self.is_running:
+        if self.run.is_running:
             return None
         key = (asked.parents, asked.n, asked.seed)
 
@@ -225,7 +200,7 @@ class StyleWork(Work):
     def learn_on(self, parents: Parents, seed: int = 0) -> Task | None:
         """Teach new parents to the style-learner that is there."""
         learner = self.workspace.style
-        if self.is_running or learner is None:
+        if self.run.is_running or learner is None:
             return None
 
         def train(new: Serialization) -> StyleTraining:
@@ -250,7 +225,7 @@ class StyleWork(Work):
         task = Task(tr("Serializing the parents"), work, fraction=lambda _: (-1.0, ""))
         task.succeeded.connect(lambda found: self._train(found, train, title))
         self._learning = None
-        return self._start(task)
+        return self.run.start(task)
 
     def _train(self, serialized: _Serialized, train: Any, title: str) -> Task:
         self._serialized = serialized
@@ -261,24 +236,19 @@ class StyleWork(Work):
             self._learning = learning
             return _drive(learning)
 
-        self.records = []
+        def end_early() -> None:
+            if self._learning is not None:
+                self._learning.stop = True
+
+        self.records, self._learning = [], None
         self.began.emit()
         task = Task(tr("Learning the style"), work, fraction=_fraction)
-        task.succeeded.connect(lambda last: self._take(last, title, serialized.told))
-        return self._start(task)
-
-    def _start(self, task: Task) -> Task:
-        self._task, self.progress = task, None
         task.reported.connect(self._report)
-        task.ended.connect(self.changed)
+        task.succeeded.connect(lambda last: self._take(last, title, serialized.told))
         task.ended.connect(self.arrived)
-        task.started.connect(self.changed)
-        self.queue.submit(task)
-        self.changed.emit()
-        return task
+        return self.run.start(task, end_early)
 
     def _report(self, report: Report) -> None:
-        self.progress = report
         learning = self._learning
         if learning is not None and learning.standing is not learning.announced:
             learning.announced = learning.standing
@@ -287,7 +257,6 @@ class StyleWork(Work):
         if records:
             self.records += records
             self.recorded.emit(records)
-        self.changed.emit()
 
     def _take(self, last: object, title: str, told: tuple[str, ...]) -> None:
         if not isinstance(last, _Learned):
@@ -330,7 +299,7 @@ class StyleWork(Work):
         return self.queue.submit(task)
 
     def _forget(self) -> None:
-        self.cancel()
+        self.run.cancel()
         self.records, self._serialized, self._learning = [], None, None
         self.began.emit()
         self.changed.emit()

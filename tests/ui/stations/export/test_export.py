@@ -27,7 +27,7 @@ def exporting(window, idle, qtbot, two_grains, fitted):
     window.enter("export")
 
     def settle():
-        qtbot.waitUntil(lambda: not window.exporting.is_waiting, timeout=PATIENCE)
+        qtbot.waitUntil(lambda: not window.stations.export.link.is_waiting, timeout=PATIENCE)
         idle()
 
     settle()
@@ -36,13 +36,13 @@ def exporting(window, idle, qtbot, two_grains, fitted):
 
 
 def choose_target(window, name):
-    panel = window.panels_export
+    panel = window.stations.export.panel
     panel.target.setCurrentIndex(panel.target.findData(name))
 
 
 def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
-    window, card = exporting, exporting.panels_export.preview
-    scene = window.link.scene
+    window, card = exporting, exporting.stations.export.panel.preview
+    scene = window.view.scene
     assert card.texts["Watertight"] == "yes"
     assert float(card.texts["Smallest angle"].rstrip("°")) >= 15
     assert not window.commands.action("layer.avatars").isVisible()
@@ -56,7 +56,7 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
     assert scene.layers.envelope.is_shown
     assert not scene.layers.avatars.is_shown
     before = window.viewport.picture()
-    window.panels_export.options.clumps.number.setValue(3)
+    window.stations.export.panel.options.clumps.number.setValue(3)
     window.settle()
     assert card.texts["Spheres"] == "3"
     assert float(card.texts["IoU"]) < 0.99
@@ -64,7 +64,7 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
 
     choose_target(window, "stl")
     window.settle()
-    fields = window.panels_export.options.fields
+    fields = window.stations.export.panel.options.fields
     assert fields["cells"].isEnabled()
     assert fields["error"].text() == "any: by cells"
     fields["error"].setValue(1.0)
@@ -81,14 +81,14 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
 
 
 def test_the_preview_is_centred_and_follows_the_selection(exporting):
-    window, card = exporting, exporting.panels_export.preview
+    window, card = exporting, exporting.stations.export.panel.preview
     assert card.name.text() == "grain_00001"
     window.workspace.select(2)
     window.settle()
     assert card.name.text() == "grain_00002"
     low, high = (
-        np.array(window.link.scene.points()).min(axis=0),
-        np.array(window.link.scene.points()).max(axis=0),
+        np.array(window.view.scene.points()).min(axis=0),
+        np.array(window.view.scene.points()).max(axis=0),
     )
     # In its principal frame, 10 µm a voxel: the semi-axes are about 120, 100 and 80 µm.
     assert np.sort((high - low) / 2) == pytest.approx([80, 100, 120], rel=0.1)
@@ -98,11 +98,11 @@ def test_the_preview_is_centred_and_follows_the_selection(exporting):
     assert card.name.text() == "grain_00001"
     window.enter("fit")
     window.settle()
-    assert not window.link.scene.layers.shape.is_shown
+    assert not window.view.scene.layers.shape.is_shown
 
 
 def test_spheres_are_chosen_by_what_they_reach(exporting, tmp_path):
-    window, panel = exporting, exporting.panels_export
+    window, panel = exporting, exporting.stations.export.panel
     window.workspace.select(1)
     panel.choose("chosen")
     choose_target(window, "edem")
@@ -128,10 +128,10 @@ def test_spheres_are_chosen_by_what_they_reach(exporting, tmp_path):
 
 
 def test_what_cannot_be_exported_is_said_in_the_card(exporting):
-    window, panel = exporting, exporting.panels_export
+    window, panel = exporting, exporting.stations.export.panel
     two = Avatar([[0, 0, 0], [50, 0, 0]], [1.0, 1.0], "um", name="two")
     panel.chosen = lambda: type(panel)._once(panel, ("two",), lambda: _Chosen((("two", two),)))
-    window.exporting.update()
+    window.stations.export.link.update()
     window.settle()
     assert "2 pieces" in panel.preview._said.text()
     assert panel.preview.texts == {}
@@ -166,7 +166,7 @@ def test_grids_and_metaballs_have_previews_too(target, numbers):
 
 
 def test_a_specimen_meets_its_curve_and_is_written(exporting, tmp_path):
-    window, panel = exporting, exporting.panels_export
+    window, panel = exporting, exporting.stations.export.panel
     form = panel.specimen
     assert form.plan() is None
     form.switch.setChecked(True)
@@ -195,7 +195,7 @@ def test_a_specimen_meets_its_curve_and_is_written(exporting, tmp_path):
 
 
 def test_a_curve_that_is_none_holds_the_export_back_and_says_why(exporting, tmp_path):
-    window, panel = exporting, exporting.panels_export
+    window, panel = exporting, exporting.stations.export.panel
     form = panel.specimen
     panel.folder.setText(str(tmp_path / "out"))
     assert panel.is_ready
@@ -221,7 +221,7 @@ def test_a_curve_that_is_none_holds_the_export_back_and_says_why(exporting, tmp_
 
 
 def test_the_avatars_own_curve_can_be_taken(exporting):
-    window, form = exporting, exporting.panels_export.specimen
+    window, form = exporting, exporting.stations.export.panel.specimen
     form.switch.setChecked(True)
     form.sizes_asked.emit()
     window.settle()

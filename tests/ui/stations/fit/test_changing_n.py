@@ -23,32 +23,32 @@ def fitting(segmented, idle, qtbot):
     window.workspace.change_fit_settings(n=10, method="paper", options={"generations": 50_000})
     idle()
     assert window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) > 3, timeout=PATIENCE)
     return window
 
 
 def stopped(window, idle):
-    window.fits.stop()
+    window.stations.fit.work.run.stop()
     idle()
     return window.workspace.state.fits[window.workspace.selected]
 
 
 def wait_for_more(window, qtbot) -> int:
-    count = len(window.curve.losses)
-    qtbot.waitUntil(lambda: len(window.curve.losses) > count + 3, timeout=PATIENCE)
+    count = len(window.stations.fit.curve.losses)
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) > count + 3, timeout=PATIENCE)
     return count
 
 
 def test_another_n_while_a_fit_is_paused_and_while_it_runs(fitting, idle, qtbot):
     window = fitting
-    window.fits.pause()
-    window.panels_fit.n.setValue(15)
-    window.panels_fit.n.setValue(14)
+    window.stations.fit.work.run.pause_or_resume()
+    window.stations.fit.panel.n.setValue(15)
+    window.stations.fit.panel.n.setValue(14)
     qtbot.wait(300)  # the step that was under way may still arrive
-    window.fits.pause()
+    window.stations.fit.work.run.pause_or_resume()
     wait_for_more(window, qtbot)
     # An impossible number does not end the fit.
-    window.fits.change_n(10**6)
+    window.stations.fit.work.change_n(10**6)
     qtbot.waitUntil(lambda: "or fewer" in window.messages.text, timeout=PATIENCE)
     assert window.messages.level == "warning"
     assert "goes on with n = 14" in window.messages.text
@@ -56,20 +56,20 @@ def test_another_n_while_a_fit_is_paused_and_while_it_runs(fitting, idle, qtbot)
     fit = stopped(window, idle)
     assert (fit.n, fit.avatar.n) == (14, 14)
     # The curve is the whole history, the generations before the change included.
-    np.testing.assert_allclose(window.curve.losses, fit.history)
+    np.testing.assert_allclose(window.stations.fit.curve.losses, fit.history)
     assert count + 3 < len(fit.history) < 50_000
 
 
 def test_a_cancelled_fit_is_let_go(fitting, idle):
     window = fitting
-    run = weakref.ref(window.fits._fitting.run)
+    run = weakref.ref(window.stations.fit.work._fitting.run)
     assert run() is not None
     window.queue.running().cancel()
     idle()
     gc.collect()
     assert run() is None
     assert not window.workspace.state.fits
-    assert not window.fits.can_go_on(window.workspace.selected)
+    assert not window.stations.fit.work.can_go_on(window.workspace.selected)
     assert window.commands.run("fit.grain")  # and anew
     assert stopped(window, idle).avatar.n == 10
 
@@ -87,7 +87,7 @@ def test_what_a_long_search_has_found_outlives_a_crash(fitting, idle, qtbot, mon
         return [note["fits"] for note in notes] == [1]
 
     qtbot.waitUntil(is_written, timeout=PATIENCE)
-    window.fits.pause()
+    window.stations.fit.work.run.pause_or_resume()
     qtbot.wait(300)  # the step that was under way may still arrive
     window.shell.autosaves.write_now()
     qtbot.waitUntil(lambda: window.shell.autosaves._task.is_over, timeout=PATIENCE)
@@ -103,7 +103,7 @@ def test_an_avatar_that_is_there_is_not_lost_for_one_that_is_searched(fitting, i
     fit = stopped(window, idle)
     monkeypatch.setattr(fit_work, "KEPT_EVERY", 0.1)
     window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: window.fits._fitting.standing is not None, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: window.stations.fit.work._fitting.standing is not None, timeout=PATIENCE)
     wait_for_more(window, qtbot)
     assert keep().fits[label] is fit
     window.queue.running().cancel()

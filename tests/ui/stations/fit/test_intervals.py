@@ -12,7 +12,7 @@ def cell(table, row: int, column: int) -> str:
 
 
 def test_intervals_come_and_go(window, idle, with_grains):
-    panel = window.panels_fit
+    panel = window.stations.fit.panel
     assert not panel.intervals_button.isEnabled()
     window.enter("fit")
     window.workspace.select(1)

@@ -42,18 +42,20 @@ def choose(dock, *names):
 
 def test_rows_are_drawn_as_fits_finish_and_the_advice_is_used(sweeping, idle, qtbot):
     window = sweeping
-    dock = window.sweep
-    assert window.sweep_dock.isVisible()
-    assert not window.curve_dock.isVisible()
+    dock = window.stations.fit.sweep_dock
+    assert window.docks["sweep"].isVisible()
+    assert not window.docks["curve"].isVisible()
     seen = []
-    window.sweeps.rows_changed.connect(lambda: seen.append(len(window.sweeps.rows)))
+    window.stations.fit.sweep_work.rows_changed.connect(
+        lambda: seen.append(len(window.stations.fit.sweep_work.rows))
+    )
     dock.numbers.setText("3, 12, 6")
     QTest.mouseClick(dock.start_button, Qt.MouseButton.LeftButton)
-    assert window.sweeps.is_running
+    assert window.stations.fit.sweep_work.run.is_running
     assert not dock.start_button.isEnabled()
     idle()
     assert {1, 2, 3} <= set(seen), "rows came only at the end"
-    rows = window.sweeps.rows
+    rows = window.stations.fit.sweep_work.rows
     assert [row.n for row in rows] == [3, 6, 12]
     assert len(dock.loss.listDataItems()) > 0
     assert dock.table.rowCount() == 22  # three distances and nineteen factors
@@ -67,16 +69,16 @@ def test_rows_are_drawn_as_fits_finish_and_the_advice_is_used(sweeping, idle, qt
     assert window.workspace.state.fit_settings.target == ""
     # Only the number that is new is fitted.
     dock.numbers.setText("3 6 9 12")
-    window.sweeps.start(dock.labels(), read_numbers(dock.numbers.text()))
+    window.stations.fit.sweep_work.start(dock.labels(), read_numbers(dock.numbers.text()))
     idle()
-    again = window.sweeps.rows
+    again = window.stations.fit.sweep_work.rows
     assert sorted(row.n for row in again) == [3, 6, 9, 12]
     assert sum(row in rows for row in again) == 3
 
 
 def test_the_advice_suits_all_chosen_rows(sweeping):
     window = sweeping
-    dock, work = window.sweep, window.sweeps
+    dock, work = window.stations.fit.sweep_dock, window.stations.fit.sweep_work
     work.rows = made_rows({10: (0.005, 0.09), 20: (0.004, 0.03), 40: (0.004, 0.008), 80: (0.003, 0.006)})
     work.rows_changed.emit()
     choose(dock, "volume")
@@ -99,20 +101,20 @@ def test_the_advice_suits_all_chosen_rows(sweeping):
 def test_a_sweep_is_cancelled_within_a_fit(sweeping, idle, qtbot):
     window = sweeping
     window.workspace.change_fit_settings(method="paper", options={"generations": 100_000})
-    window.sweep.numbers.setText("10")
-    window.sweep.start()
-    qtbot.waitUntil(lambda: window.sweeps._task.state == "running", timeout=PATIENCE)
+    window.stations.fit.sweep_dock.numbers.setText("10")
+    window.stations.fit.sweep_dock.start()
+    qtbot.waitUntil(lambda: window.stations.fit.sweep_work.run.task.state == "running", timeout=PATIENCE)
     qtbot.wait(300)
-    QTest.mouseClick(window.sweep.cancel_button, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.stations.fit.sweep_dock.cancel_button, Qt.MouseButton.LeftButton)
     idle()
-    assert not window.sweeps.is_running
-    assert window.sweeps.rows == []
-    assert window.sweep.start_button.isEnabled()
+    assert not window.stations.fit.sweep_work.run.is_running
+    assert window.stations.fit.sweep_work.rows == []
+    assert window.stations.fit.sweep_dock.start_button.isEnabled()
 
 
 def test_what_cannot_be_swept_is_said_beside_it(sweeping, idle):
     window = sweeping
-    dock = window.sweep
+    dock = window.stations.fit.sweep_dock
     dock.numbers.setText("10, twenty")
     dock.start()
     assert "'twenty'" in dock.refusal.text()

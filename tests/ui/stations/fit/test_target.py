@@ -19,7 +19,7 @@ def ready(with_grains, idle):
 
 
 def write(window, text):
-    field = window.panels_fit.target
+    field = window.stations.fit.panel.target
     field.setFocus()
     field.clear()
     QTest.keyClicks(field, text)
@@ -30,7 +30,7 @@ def test_a_target_ends_the_fit_with_few_control_points(ready, idle):
     window = ready
     write(window, "volume 1 % and iou 80 %")
     assert window.workspace.state.fit_settings.target == "volume 1 % and iou 0.8"
-    assert not window.panels_fit.n.isEnabled()
+    assert not window.stations.fit.panel.n.isEnabled()
     assert window.commands.run("fit.grain")
     idle()
     fit = window.workspace.state.fits[window.workspace.selected]
@@ -38,11 +38,11 @@ def test_a_target_ends_the_fit_with_few_control_points(ready, idle):
     assert fit.n < 40
     assert fit.reached["iou"] >= 0.8
     assert "reaches the target" in window.messages.text
-    assert "Target reached" in window.panels_fit._reasons.text()
+    assert "Target reached" in window.stations.fit.panel._reasons.text()
     # The curve is that of the fit that was kept.
-    assert window.curve.losses == pytest.approx(list(fit.history))
+    assert window.stations.fit.curve.losses == pytest.approx(list(fit.history))
     # And on from there, whatever n says: the number was found.
-    window.panels_fit.more.setValue(2)
+    window.stations.fit.panel.more.setValue(2)
     assert window.commands.run("fit.more")
     idle()
     assert window.workspace.state.fits[window.workspace.selected].n == fit.n
@@ -51,7 +51,7 @@ def test_a_target_ends_the_fit_with_few_control_points(ready, idle):
 def test_all_grains_take_the_target(ready, idle):
     window = ready
     window.workspace.change_fit_settings(target="volume 2 %")
-    assert window.panels_fit.target.text() == "volume 2 %"
+    assert window.stations.fit.panel.target.text() == "volume 2 %"
     assert window.commands.run("fit.all")
     idle()
     fits = window.workspace.state.fits
@@ -63,7 +63,7 @@ def test_a_bad_target_is_told_beside_the_field_and_nothing_is_fitted(ready, idle
     window = ready
     write(window, "volume 1 %")
     write(window, "beauty 3 %")
-    panel = window.panels_fit
+    panel = window.stations.fit.panel
     assert panel.refusal.isVisible()
     assert "beauty" in panel.refusal.text()
     assert panel.target.text() == "beauty 3 %"
@@ -84,13 +84,13 @@ def test_another_n_gives_a_running_target_up(ready, idle, qtbot):
         method="paper", options={"generations": 50_000}, target="hausdorff 0.01 %"
     )
     assert window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: len(window.curve.losses) > 3, timeout=PATIENCE)
-    assert window.panels_fit.n.isEnabled()
-    window.panels_fit.n.setValue(7)
-    count = len(window.curve.losses)
-    qtbot.waitUntil(lambda: len(window.curve.losses) != count, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) > 3, timeout=PATIENCE)
+    assert window.stations.fit.panel.n.isEnabled()
+    window.stations.fit.panel.n.setValue(7)
+    count = len(window.stations.fit.curve.losses)
+    qtbot.waitUntil(lambda: len(window.stations.fit.curve.losses) != count, timeout=PATIENCE)
     qtbot.wait(300)
-    window.fits.stop()
+    window.stations.fit.work.run.stop()
     idle()
     fit = window.workspace.state.fits[window.workspace.selected]
     assert (fit.n, fit.target) == (7, "")
@@ -99,7 +99,7 @@ def test_another_n_gives_a_running_target_up(ready, idle, qtbot):
 def test_undo_brings_the_target_back(ready):
     window = ready
     write(window, "rms 1 %")
-    window.undo()
-    assert window.panels_fit.target.text() == ""
-    window.redo()
-    assert window.panels_fit.target.text() == "rms 1 %"
+    window.undo.undo()
+    assert window.stations.fit.panel.target.text() == ""
+    window.undo.redo()
+    assert window.stations.fit.panel.target.text() == "rms 1 %"

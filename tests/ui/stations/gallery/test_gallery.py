@@ -63,7 +63,7 @@ def test_only_what_is_looked_at_is_asked_for(qtbot):
 def gallery(with_grains, idle):
     assert with_grains.commands.run("panel.bodies")
     idle()
-    return with_grains.shell.gallery.gallery
+    return with_grains.shell.gallery_link.gallery
 
 
 def click(gallery, place, modifier=Qt.KeyboardModifier.NoModifier):
@@ -79,7 +79,7 @@ def test_grains_have_pictures_and_share_the_selection(with_grains, gallery, idle
         assert picture.toImage().pixelColor(SIDE // 2, SIDE // 2).alpha() == 255
     click(gallery, 1)
     assert window.workspace.selected == 2
-    assert window.table.chosen_labels() == [2]
+    assert window.stations.grains.table.chosen_labels() == [2]
     click(gallery, 0, Qt.KeyboardModifier.ControlModifier)
     assert window.workspace.chosen == {1, 2}
     window.workspace.select(1)
@@ -130,6 +130,6 @@ def test_measured_factors_and_avatars_come_in(with_grains, gallery, idle, qtbot)
     gallery.tabs.setCurrentIndex(2)
     assert gallery.bodies is None
     assert "station Style" in gallery._hint.text()
-    window.undo()
+    window.undo.undo()
     gallery.tabs.setCurrentIndex(1)
     assert "no avatars" in gallery._hint.text()

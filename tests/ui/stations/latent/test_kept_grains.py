@@ -23,7 +23,7 @@ LEFT, NONE = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 
 
 def keep(window, rest):
-    window.panels_latent.keep.click()
+    window.stations.latent.panel.keep.click()
     rest()
 
 
@@ -32,33 +32,33 @@ def names(window):
 
 
 def test_keeping_renaming_and_removing_are_steps_of_undo(shaping, rest):
-    window, work = shaping, shaping.latents
-    window.panels_latent.randomise.click()
+    window, work = shaping, shaping.stations.latent.work
+    window.stations.latent.panel.randomise.click()
     keep(window, rest)
     keep(window, rest)
-    assert names(window) == ["kept 1", "kept 2"] == window.gallery.kept.names
-    window.gallery.kept.choose("kept 1")
-    window.gallery.rename.click()
-    editor = window.gallery.kept.findChild(QLineEdit)
+    assert names(window) == ["kept 1", "kept 2"] == window.stations.latent.shelf.kept.names
+    window.stations.latent.shelf.kept.choose("kept 1")
+    window.stations.latent.shelf.rename.click()
+    editor = window.stations.latent.shelf.kept.findChild(QLineEdit)
     editor.setText("flat one")
     QTest.keyClick(editor, Qt.Key.Key_Return)
     rest()
-    assert names(window) == ["flat one", "kept 2"] == window.gallery.kept.names
-    assert not window.gallery.kept.item(0).icon().isNull()
+    assert names(window) == ["flat one", "kept 2"] == window.stations.latent.shelf.kept.names
+    assert not window.stations.latent.shelf.kept.item(0).icon().isNull()
     # A name that is taken is refused, and the gallery goes back to the old one.
-    window.gallery.kept.item(1).setText("flat one")
+    window.stations.latent.shelf.kept.item(1).setText("flat one")
     rest()
-    assert names(window) == ["flat one", "kept 2"] == window.gallery.kept.names
+    assert names(window) == ["flat one", "kept 2"] == window.stations.latent.shelf.kept.names
     assert "already" in window.messages.text
-    window.gallery.kept.choose("kept 2")
-    window.gallery.remove.click()
+    window.stations.latent.shelf.kept.choose("kept 2")
+    window.stations.latent.shelf.remove.click()
     rest()
     assert names(window) == ["flat one"]
     where = work.stance.latent
     for expected in (["flat one", "kept 2"], ["kept 1", "kept 2"], ["kept 1"], []):
         assert window.commands.run("edit.undo")
         rest()
-        assert names(window) == expected == window.gallery.kept.names
+        assert names(window) == expected == window.stations.latent.shelf.kept.names
     np.testing.assert_array_equal(work.stance.latent, where)
     assert window.commands.run("edit.undo")  # the step before: the drawn grain
     assert work.stance.operations[-1].kind == "average"
@@ -71,8 +71,8 @@ def test_keeping_renaming_and_removing_are_steps_of_undo(shaping, rest):
 
 
 def test_what_was_undone_at_another_station_is_passed_over(shaping, rest):
-    window, work = shaping, shaping.latents
-    window.panels_latent.randomise.click()
+    window, work = shaping, shaping.stations.latent.work
+    window.stations.latent.panel.randomise.click()
     keep(window, rest)
     window.enter("scan")
     assert window.commands.run("edit.undo")
@@ -89,24 +89,24 @@ def test_what_was_undone_at_another_station_is_passed_over(shaping, rest):
 
 
 def test_kept_grains_come_back_with_their_project(shaping, rest, tmp_path, learner, meanings):
-    window, work = shaping, shaping.latents
-    window.panels_latent.another.click()
+    window, work = shaping, shaping.stations.latent.work
+    window.stations.latent.panel.another.click()
     rest()
     shown = work.grain
     keep(window, rest)
     assert window.workspace.is_modified
     path = tmp_path / "shaped.mbs"
-    window.projects.save(path)
+    window.project_work.save(path)
     rest()
-    window.projects.new()
+    window.project_work.new()
     rest()
-    assert window.gallery.kept.names == []
-    window.projects.open(path)
+    assert window.stations.latent.shelf.kept.names == []
+    window.project_work.open(path)
     rest()
     window.enter("latent")
     rest()
-    assert window.gallery.kept.names == ["kept 1"]
-    assert not window.gallery.kept.item(0).icon().isNull()
+    assert window.stations.latent.shelf.kept.names == ["kept 1"]
+    assert not window.stations.latent.shelf.kept.item(0).icon().isNull()
     (recipe,) = work.kept
     np.testing.assert_array_equal(recipe.retrace(work.learner, meanings), shown.latent)
     work.begin_with("kept 1")
@@ -153,27 +153,30 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
     liggghts = find_engine("LIGGGHTS")
     if liggghts is None:
         pytest.skip("LIGGGHTS is not installed")
-    window, blend, panel = shaping, shaping.studio.blend, shaping.panels_latent
+    window, blend, panel = shaping, shaping.stations.latent.dock.blend, shaping.stations.latent.panel
     # The first: a slider of a meaning under the mouse.
-    window.studio.open_page("Factors")
-    before = window.latents.grain.values["csf"]
+    window.stations.latent.dock.open_page("Factors")
+    before = window.stations.latent.work.grain.values["csf"]
     drag(panel.meanings["csf"].slider, 0.5, 0.35, 0.2)
     rest()
-    assert window.latents.grain.values["csf"] < before - 0.02
-    assert f"{window.latents.grain.values['csf']:.3f}" == window.studio.factors.value("csf")
+    assert window.stations.latent.work.grain.values["csf"] < before - 0.02
+    assert (
+        f"{window.stations.latent.work.grain.values['csf']:.3f}"
+        == window.stations.latent.dock.factors.value("csf")
+    )
     keep(window, rest)
     # The second: half-way between two grains dragged from the gallery.
-    window.studio.open_page("Blend")
-    window.gallery.tabs.setCurrentIndex(0)
+    window.stations.latent.dock.open_page("Blend")
+    window.stations.latent.shelf.tabs.setCurrentIndex(0)
     rest()
     parents = learner.parents.names
     for letter, row in (("A", 3), ("B", 11)):
-        drag_and_drop(window, qtbot, window.gallery.parents, parents[row], blend.slots[letter])
+        drag_and_drop(window, qtbot, window.stations.latent.shelf.parents, parents[row], blend.slots[letter])
         rest()
         assert blend.slots[letter].grain == parents[row]
     drag(blend.share.slider, 0.1, 0.5)
     rest()
-    assert window.latents.stance.operations[-1].given["share"] == pytest.approx(0.5, abs=0.01)
+    assert window.stations.latent.work.stance.operations[-1].given["share"] == pytest.approx(0.5, abs=0.01)
     keep(window, rest)
     # The third: a latent variable.
     k = next(iter(panel.components))
@@ -182,7 +185,7 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
     keep(window, rest)
     assert names(window) == ["kept 1", "kept 2", "kept 3"]
     window.enter("export")
-    export = window.panels_export
+    export = window.stations.export.panel
     export.selection.setCurrentIndex(export.selection.findData("kept"))
     export.target.setCurrentIndex(export.target.findData("liggghts"))
     export.folder.setText(str(tmp_path / "deck"))
@@ -205,15 +208,15 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
 
 
 def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, meanings):
-    window, work = shaping, shaping.latents
-    assert not window.gallery.tabs.isTabVisible(2)
+    window, work = shaping, shaping.stations.latent.work
+    assert not window.stations.latent.shelf.tabs.isTabVisible(2)
     drawn = learner.sample(6, 1)
     named = replace(drawn.serialization, names=tuple(f"clone_{i}" for i in range(6)))
     window.workspace.use_clones(
         Generation(named, drawn.latents, drawn.parents, None, Counts(6, 6, 0, {}, 0, 0), "", 6.0, (), 1)
     )
     rest()
-    gallery = window.gallery
+    gallery = window.stations.latent.shelf
     assert gallery.tabs.tabText(2) == "Clones (6)"
     gallery.tabs.setCurrentIndex(2)
     rest()
@@ -221,13 +224,15 @@ def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, m
     name = gallery.clones.names[4]
     gallery.clones.choose(name)
     assert window.commands.run("latent.pick_b")
-    assert window.studio.blend.slots["B"].grain == name
+    assert window.stations.latent.dock.blend.slots["B"].grain == name
     gallery.opened.emit(name)
     rest()
     clones = window.workspace.clones
     np.testing.assert_array_equal(work.grain.latent, clones.latents[4])
     np.testing.assert_allclose(work.grain.avatar.centers, clones.clones.avatar(4).centers, atol=1e-12)
-    np.testing.assert_allclose(window.studio.map.here, work.about.map.places(clones.latents[4:5])[0])
+    np.testing.assert_allclose(
+        window.stations.latent.dock.map.here, work.about.map.places(clones.latents[4:5])[0]
+    )
     keep(window, rest)
     np.testing.assert_array_equal(work.kept[0].retrace(learner, meanings), clones.latents[4])
     # Another style-learner has no clones yet.
@@ -237,11 +242,11 @@ def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, m
 
 
 def test_one_kept_grain_alone_is_exported(shaping, rest):
-    window, export = shaping, shaping.panels_export
+    window, export = shaping, shaping.stations.export.panel
     for _ in range(2):
-        window.panels_latent.randomise.click()
+        window.stations.latent.panel.randomise.click()
         keep(window, rest)
-    window.gallery.kept.choose("kept 2")
+    window.stations.latent.shelf.kept.choose("kept 2")
     window.enter("export")
     rest()
     export.choose("kept")
@@ -254,10 +259,10 @@ def test_one_kept_grain_alone_is_exported(shaping, rest):
     assert name == both[1][0] != both[0][0]
     np.testing.assert_array_equal(avatar.centers, both[1][1].centers)
     # Another choice in the gallery is followed; without one all kept grains are offered again.
-    window.gallery.kept.choose("kept 1")
+    window.stations.latent.shelf.kept.choose("kept 1")
     assert export.selection.currentText() == "Kept grain kept 1"
     assert export.chosen().named[0][0] == both[0][0]
-    window.gallery.kept.setCurrentItem(None)
+    window.stations.latent.shelf.kept.setCurrentItem(None)
     window.enter("export")
     rest()
     assert export.selection.currentText() == "Kept grains (2)"

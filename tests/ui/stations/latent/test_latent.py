@@ -19,7 +19,7 @@ from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.scene import camera
 from mbstudio.scene.pictures.animation import AnimationError, require_writer
-from mbstudio.ui.latest import LatestOnly
+from mbstudio.ui.latest_request_worker import LatestRequestWorker
 from mbstudio.ui.stations.latent.blend_page import STRIP
 from mbstudio.ui.stations.latent.factor_radar import standing
 from mbstudio.ui.widgets.grain_strip import grain_mime
@@ -29,23 +29,23 @@ from tests.ui.hand import changed, drag
 
 def test_without_a_style_learner_the_panel_explains(window, idle, rest, learner, tmp_path):
     window.enter("latent")
-    panel = window.panels_latent
+    panel = window.stations.latent.panel
     assert panel.open_button.isVisible()
     assert not panel.keep.isEnabled()
-    assert not window.studio_dock.isVisible()
+    assert not window.docks["latent"].isVisible()
     folder = learner.save(tmp_path / "boxes")
-    window.shaping.open_style(folder)
+    window.stations.latent.link.open_style(folder)
     rest()
-    assert window.latents.meanings is not None
+    assert window.stations.latent.work.meanings is not None
     assert panel.meanings["csf"].isEnabled()
     assert not panel.open_button.isVisible()
     assert panel.keep.isEnabled()
-    assert window.studio_dock.isVisible()
-    np.testing.assert_array_equal(window.latents.learner.latents, learner.latents)
+    assert window.docks["latent"].isVisible()
+    np.testing.assert_array_equal(window.stations.latent.work.learner.latents, learner.latents)
     window.workspace.use_style(None)
     rest()
     assert panel.open_button.isVisible()
-    assert window.latents.grain is None
+    assert window.stations.latent.work.grain is None
 
 
 def test_a_grain_that_was_there_before_is_in_the_picture(window, rest, learner, meanings, monkeypatch):
@@ -55,38 +55,40 @@ def test_a_grain_that_was_there_before_is_in_the_picture(window, rest, learner, 
     rest()
     window.enter("latent")
     rest()
-    points = window.link.scene.points()
+    points = window.view.scene.points()
     assert points is not None
-    assert camera.shows(window.link.scene._renderer, points)
+    assert camera.shows(window.view.scene._renderer, points)
     direction = np.subtract(
-        window.link.scene._renderer.GetActiveCamera().GetPosition(),
-        window.link.scene._renderer.GetActiveCamera().GetFocalPoint(),
+        window.view.scene._renderer.GetActiveCamera().GetPosition(),
+        window.view.scene._renderer.GetActiveCamera().GetFocalPoint(),
     )
     assert np.abs(direction / np.linalg.norm(direction)).max() < 0.95  # from a corner, not along an axis
 
 
 def test_a_dragged_meaning_changes_the_surface_and_undo_returns_it(shaping, rest):
     window = shaping
-    slider = window.panels_latent.meanings["csf"]
-    before, start = window.viewport.picture(), window.latents.stance
+    slider = window.stations.latent.panel.meanings["csf"]
+    before, start = window.viewport.picture(), window.stations.latent.work.stance
     seen = []
-    window.latents.grain_changed.connect(lambda: seen.append(window.latents.grain.cells))
+    window.stations.latent.work.grain_changed.connect(
+        lambda: seen.append(window.stations.latent.work.grain.cells)
+    )
     drag(slider.slider, 0.5, 0.3, 0.15)
     rest()
     after = window.viewport.picture()
     assert changed(before, after) > 0.02
     # Coarse under the hand, fine at rest.
     assert MOVING in seen
-    assert seen[-1] == AT_REST == window.latents.grain.cells
-    low, high = window.latents.deviations_of("csf")
-    wanted = window.latents.meanings.mean[2] + window.latents.meanings.deviation[2] * (
-        low + 0.15 * (high - low)
-    )
-    assert window.latents.grain.values["csf"] == pytest.approx(wanted, abs=0.03)
-    assert slider.box.value() == pytest.approx(window.latents.grain.values["csf"], abs=1e-3)
+    assert seen[-1] == AT_REST == window.stations.latent.work.grain.cells
+    low, high = window.stations.latent.work.deviations_of("csf")
+    wanted = window.stations.latent.work.meanings.mean[2] + window.stations.latent.work.meanings.deviation[
+        2
+    ] * (low + 0.15 * (high - low))
+    assert window.stations.latent.work.grain.values["csf"] == pytest.approx(wanted, abs=0.03)
+    assert slider.box.value() == pytest.approx(window.stations.latent.work.grain.values["csf"], abs=1e-3)
     assert window.commands.run("edit.undo")
     rest()
-    assert window.latents.stance is start
+    assert window.stations.latent.work.stance is start
     assert changed(before, window.viewport.picture()) == 0.0
     assert window.commands.run("edit.redo")
     rest()
@@ -95,24 +97,24 @@ def test_a_dragged_meaning_changes_the_surface_and_undo_returns_it(shaping, rest
 
 def test_undo_belongs_to_the_project_at_other_stations(shaping, rest):
     window = shaping
-    window.panels_latent.randomise.click()
+    window.stations.latent.panel.randomise.click()
     rest()
     window.enter("scan")
-    before = window.latents.stance
+    before = window.stations.latent.work.stance
     window.commands.run("edit.undo")  # takes the style-learner back
     rest()
-    assert window.latents.learner is None
+    assert window.stations.latent.work.learner is None
     assert before is not None
 
 
 def test_components_stand_by_their_effect_with_box_and_zero(shaping, rest, learner):
     window = shaping
     effects = hand.effects(learner)
-    shown = [effects[k] for k in window.panels_latent.components]
+    shown = [effects[k] for k in window.stations.latent.panel.components]
     assert shown == sorted(shown, reverse=True)
     assert shown[0] == effects.max()
-    work, k = window.latents, next(iter(window.panels_latent.components))
-    slider = window.panels_latent.components[k]
+    work, k = window.stations.latent.work, next(iter(window.stations.latent.panel.components))
+    slider = window.stations.latent.panel.components[k]
     wanted = round(float(work.about.mean[k] + work.about.reach[k] / 2), 3)
     slider.box.setValue(wanted)
     rest()
@@ -123,8 +125,8 @@ def test_components_stand_by_their_effect_with_box_and_zero(shaping, rest, learn
 
 
 def test_noise_replaces_itself_and_respects_locks(shaping, rest):
-    window, work = shaping, shaping.latents
-    panel = window.panels_latent
+    window, work = shaping, shaping.stations.latent.work
+    panel = window.stations.latent.panel
     begin = work.stance.latent.copy()
     k = next(iter(panel.components))
     panel.components[k].lock.setChecked(True)
@@ -147,26 +149,26 @@ def test_noise_replaces_itself_and_respects_locks(shaping, rest):
 
 
 def test_a_kept_grain_is_made_again_exactly_by_its_recipe(shaping, rest, learner, tmp_path):
-    window, work = shaping, shaping.latents
+    window, work = shaping, shaping.stations.latent.work
     work.begin_with(learner.parents.names[3])
     work.commit(Operation("reach", {"meaning": "roughness", "to": 1.0}, "rougher"))
-    window.panels_latent.another.click()
+    window.stations.latent.panel.another.click()
     rest()
     shown, picture = work.grain, window.viewport.picture()
-    window.panels_latent.keep.click()
-    window.panels_latent.randomise.click()
+    window.stations.latent.panel.keep.click()
+    window.stations.latent.panel.randomise.click()
     rest()
     assert changed(picture, window.viewport.picture()) > 0.01
     (recipe,) = work.kept
     np.testing.assert_array_equal(recipe.retrace(learner, work.meanings), shown.latent)
-    assert window.gallery.kept.names == [recipe.name]
+    assert window.stations.latent.shelf.kept.names == [recipe.name]
     work.begin_with(recipe.name)
     rest()
     np.testing.assert_array_equal(work.grain.avatar.centers, shown.avatar.centers)
     np.testing.assert_array_equal(work.grain.avatar.weights, shown.avatar.weights)
     # Exported, its recipe lies beside it.
     window.enter("export")
-    panel = window.panels_export
+    panel = window.stations.export.panel
     panel.selection.setCurrentIndex(panel.selection.findData("kept"))
     panel.target.setCurrentIndex(panel.target.findData("metaball"))
     panel.folder.setText(str(tmp_path / "out"))
@@ -178,23 +180,23 @@ def test_a_kept_grain_is_made_again_exactly_by_its_recipe(shaping, rest, learner
 
 
 def test_more_like_this_keeps_variations(shaping, rest):
-    window, work = shaping, shaping.latents
-    window.panels_latent.count.setValue(3)
-    window.panels_latent.alike.click()
+    window, work = shaping, shaping.stations.latent.work
+    window.stations.latent.panel.count.setValue(3)
+    window.stations.latent.panel.alike.click()
     rest()
     latents = np.array([recipe.latent for recipe in work.kept])
     assert latents.shape[0] == 3
     away = np.abs(latents - work.stance.latent).max(axis=1)
     assert (away > 0.01).all()
     assert len(np.unique(latents[:, 0].round(9))) == 3
-    assert all(not item.icon().isNull() for item in map(window.gallery.kept.item, range(3)))
+    assert all(not item.icon().isNull() for item in map(window.stations.latent.shelf.kept.item, range(3)))
 
 
 def test_the_ends_of_the_interpolation_are_a_and_b_and_sums_add_up(shaping, rest, learner):
-    window, blend = shaping, shaping.studio.blend
-    window.studio.open_page("Blend")
+    window, blend = shaping, shaping.stations.latent.dock.blend
+    window.stations.latent.dock.open_page("Blend")
     names = learner.parents.names
-    window.gallery.parents.choose(names[2])
+    window.stations.latent.shelf.parents.choose(names[2])
     QTest.mouseClick(blend.slots["A"], Qt.MouseButton.LeftButton)
     drop = QDropEvent(
         QPointF(20, 20), Qt.DropAction.CopyAction, mime := grain_mime(names[9]), Qt.MouseButton.LeftButton,
@@ -208,41 +210,43 @@ def test_the_ends_of_the_interpolation_are_a_and_b_and_sums_add_up(shaping, rest
     assert all(not slot.picture.pixmap().isNull() for slot in blend.strip)
     drag(blend.share.slider, 0.5, 0.0)
     rest()
-    np.testing.assert_allclose(window.latents.stance.latent, learner.latents[2], atol=1e-12)
+    np.testing.assert_allclose(window.stations.latent.work.stance.latent, learner.latents[2], atol=1e-12)
     first = window.viewport.picture()
     drag(blend.share.slider, 0.5, 1.0)
     rest()
     # B as it is, or mirrored in its principal planes: the same body.
     flips = learner.latents[9] * learner.signs
-    away = np.abs(flips - window.latents.stance.latent).max(axis=1)
+    away = np.abs(flips - window.stations.latent.work.stance.latent).max(axis=1)
     assert away.min() < 1e-9
     assert changed(first, window.viewport.picture()) > 0.005
     QTest.mouseClick(blend.strip[2], Qt.MouseButton.LeftButton)
-    assert window.latents.stance.operations[-1].given["share"] == STRIP[2]
+    assert window.stations.latent.work.stance.operations[-1].given["share"] == STRIP[2]
     # Arithmetic: what a grain differs from itself by, added to a third, leaves the third.
     for letter, row in (("A", 4), ("B", 4), ("C", 7)):
-        window.shaping.pick(letter, names[row])
+        window.stations.latent.link.pick(letter, names[row])
     blend.told.setChecked(False)
     blend.apply.click()
     rest()
-    np.testing.assert_allclose(window.latents.stance.latent, learner.latents[7], atol=1e-9)
+    np.testing.assert_allclose(window.stations.latent.work.stance.latent, learner.latents[7], atol=1e-9)
     assert not blend.terms["="].picture.pixmap().isNull()
 
 
 def test_ghosts_show_around_the_grain_and_play_runs_from_a_to_b(shaping, rest, qtbot, learner):
-    window, blend = shaping, shaping.studio.blend
+    window, blend = shaping, shaping.stations.latent.dock.blend
     for letter, row in (("A", 1), ("B", 6)):
-        window.shaping.pick(letter, learner.parents.names[row])
+        window.stations.latent.link.pick(letter, learner.parents.names[row])
     rest()
     before = window.viewport.picture()
-    window.studio.blend.ghosts.setChecked(True)
+    window.stations.latent.dock.blend.ghosts.setChecked(True)
     rest()
     assert changed(before, window.viewport.picture()) > 0.01
-    window.studio.blend.ghosts.setChecked(False)
+    window.stations.latent.dock.blend.ghosts.setChecked(False)
     rest()
-    assert not window.link.is_shown("ghost_a")
+    assert not window.view.is_shown("ghost_a")
     shown = []
-    window.latents.grain_changed.connect(lambda: shown.append(window.latents.grain.latent))
+    window.stations.latent.work.grain_changed.connect(
+        lambda: shown.append(window.stations.latent.work.grain.latent)
+    )
     blend.play.setChecked(True)
     qtbot.waitUntil(lambda: len(shown) > 4, timeout=PATIENCE)
     blend.play.setChecked(False)
@@ -252,33 +256,33 @@ def test_ghosts_show_around_the_grain_and_play_runs_from_a_to_b(shaping, rest, q
 
 
 def test_a_click_on_the_map_shows_the_grain_there_after_a_storm_of_events(shaping, rest):
-    window, plot = shaping, shaping.studio.map
-    window.studio.open_page("Map")
+    window, plot = shaping, shaping.stations.latent.dock.map
+    window.stations.latent.dock.open_page("Map")
     QCoreApplication.processEvents()
-    k = next(iter(window.panels_latent.components))
+    k = next(iter(window.stations.latent.panel.components))
     # A storm of events ends with the last; those in between are dropped.
     for value in (values := np.linspace(-0.5, 0.5, 40)):
-        window.latents.preview(Operation("component", {"component": k, "to": float(value)}))
+        window.stations.latent.work.preview(Operation("component", {"component": k, "to": float(value)}))
     rest()
-    assert window.latents.grain.latent[k] == pytest.approx(values[-1])
-    assert window.latents.live.dropped > 0
+    assert window.stations.latent.work.grain.latent[k] == pytest.approx(values[-1])
+    assert window.stations.latent.work.live.dropped > 0
     before = window.viewport.picture()
     place = np.array([0.8, -0.6])
     QTest.mouseClick(plot.viewport(), Qt.MouseButton.LeftButton, pos=plot.pixel_of(place).toPoint())
     rest()
     np.testing.assert_allclose(plot.here, place, atol=0.05)
     assert changed(before, window.viewport.picture()) > 0.005
-    assert window.latents.stance.operations[-1].kind == "place"
+    assert window.stations.latent.work.stance.operations[-1].kind == "place"
 
 
 def test_factors_among_the_parents_and_far_outside_in_amber(shaping, rest, learner):
-    window, work = shaping, shaping.latents
+    window, work = shaping, shaping.stations.latent.work
     factors = work.about.factors
     row = MEANINGS.index("csf")
     flattest = int(factors[:, row].argmin())
     work.begin_with(learner.parents.names[flattest])
     rest()
-    page = window.studio.factors
+    page = window.stations.latent.dock.factors
     assert page.value("csf") == f"{factors[flattest, row]:.3f}"
     # It is flatter than all but itself, which counts half: (20 - 1/2) / 20 = 97.5 %.
     assert page.words("csf") in ("flatter than 97 %", "flatter than 98 %")
@@ -286,19 +290,19 @@ def test_factors_among_the_parents_and_far_outside_in_amber(shaping, rest, learn
     assert standing("size", 0.85) == "larger than 85 %"
     assert standing("roughness", 0.0) == "smoother than all parents"
     # Far outside is held and shown in amber.
-    k = next(iter(window.panels_latent.components))
+    k = next(iter(window.stations.latent.panel.components))
     work.commit(Operation("component", {"component": k, "to": 1e4}, "far"))
     rest()
     assert work.stance.latent[k] == pytest.approx(work.about.mean[k] + work.about.reach[k])
-    assert window.panels_latent.components[k].box.property("amber") == "true"
-    assert not window.studio.factors.edge.isHidden()
+    assert window.stations.latent.panel.components[k].box.property("amber") == "true"
+    assert not window.stations.latent.dock.factors.edge.isHidden()
     window.commands.run("edit.undo")
     rest()
-    assert window.panels_latent.components[k].box.property("amber") == "false"
+    assert window.stations.latent.panel.components[k].box.property("amber") == "false"
 
 
 def test_the_last_wish_wins_and_none_queues_up(qtbot):
-    latest, begun, go = LatestOnly("test"), [], threading.Event()
+    latest, begun, go = LatestRequestWorker("test"), [], threading.Event()
     arrived = []
     latest.done.connect(lambda token, result: arrived.append(result))
 
@@ -325,7 +329,7 @@ def test_the_last_wish_wins_and_none_queues_up(qtbot):
 
 def test_the_next_wish_is_begun_when_the_last_result_was_taken(qtbot):
     """What nobody has time to show would be made in vain, and older than what is wished by then."""
-    latest, begun, made = LatestOnly("test"), [], threading.Event()
+    latest, begun, made = LatestRequestWorker("test"), [], threading.Event()
 
     def work(number):
         begun.append(number)
@@ -346,7 +350,7 @@ def test_the_next_wish_is_begun_when_the_last_result_was_taken(qtbot):
 def test_the_picture_is_plain_under_the_hand_and_whole_at_rest(shaping, rest, qtbot):
     viewport = shaping.viewport
     whole = viewport.picture()
-    slider = shaping.panels_latent.meanings["csf"].slider
+    slider = shaping.stations.latent.panel.meanings["csf"].slider
     drag(slider, 0.5, 0.4)
     rest()
     if viewport.kind == "software":
@@ -362,9 +366,9 @@ def test_the_picture_is_plain_under_the_hand_and_whole_at_rest(shaping, rest, qt
 def test_the_way_from_a_to_b_is_saved_as_an_animation(shaping, rest, learner, tmp_path):
     window = shaping
     for letter, row in (("A", 1), ("B", 6)):
-        window.shaping.pick(letter, learner.parents.names[row])
+        window.stations.latent.link.pick(letter, learner.parents.names[row])
     path = tmp_path / "morph.gif"
-    window.shaping.save_animation(path, steps=5)
+    window.stations.latent.link.save_animation(path, steps=5)
     rest()
     frames = imageio.imread(path)
     # Five steps there and three between back; ends that stand still may be one longer frame.
@@ -380,7 +384,7 @@ def test_the_real_viewport_follows_the_slider(shaping, rest, qtbot):
     window = shaping
     assert window.viewport.kind == "OpenGL"
     before = window.viewport.picture()
-    drag(window.panels_latent.meanings["csf"].slider, 0.5, 0.3, 0.15)
+    drag(window.stations.latent.panel.meanings["csf"].slider, 0.5, 0.3, 0.15)
     rest()
     qtbot.wait(50)
     assert changed(before, window.viewport.picture()) > 0.02
@@ -397,10 +401,10 @@ def test_the_panel_tells_of_meanings_on_the_way(window, rest, learner, meanings,
     monkeypatch.setattr(Meanings, "measure", endless)
     window.enter("latent")
     window.workspace.use_style(learner)
-    hint = window.panels_latent._learning
-    qtbot.waitUntil(lambda: window.latents.is_learning, timeout=PATIENCE)
+    hint = window.stations.latent.panel._learning
+    qtbot.waitUntil(lambda: window.stations.latent.work.is_learning, timeout=PATIENCE)
     assert hint.text() == "Learning what the latents mean …"
-    assert not window.panels_latent.meanings["size"].isEnabled()
+    assert not window.stations.latent.panel.meanings["size"].isEnabled()
     qtbot.waitUntil(lambda: window.queue.running() is not None, timeout=PATIENCE)
     assert window.commands.run("work.cancel")
     rest()
@@ -410,13 +414,13 @@ def test_the_panel_tells_of_meanings_on_the_way(window, rest, learner, meanings,
     window.enter("latent")
     rest()
     assert hint.isHidden()
-    assert window.panels_latent.meanings["size"].isEnabled()
+    assert window.stations.latent.panel.meanings["size"].isEnabled()
 
 
 def test_arrow_keys_walk_on_the_map_by_a_tenth_of_the_spread(shaping, rest, learner, qtbot):
-    window, plot = shaping, shaping.studio.map
-    spread = window.latents.about.map.places(learner.latents).std(axis=0)
-    window.studio.open_page("Map")
+    window, plot = shaping, shaping.stations.latent.dock.map
+    spread = window.stations.latent.work.about.map.places(learner.latents).std(axis=0)
+    window.stations.latent.dock.open_page("Map")
     window.activateWindow()
     plot.setFocus()
     qtbot.waitUntil(plot.hasFocus, timeout=5000)
@@ -427,7 +431,7 @@ def test_arrow_keys_walk_on_the_map_by_a_tenth_of_the_spread(shaping, rest, lear
         rest()
         np.testing.assert_allclose(plot.here, begun + 0.1 * spread * way, atol=2e-4)
     # A key held down is one step of undo.
-    before = window.latents.stance
+    before = window.stations.latent.work.stance
     for _ in range(3):
         qtbot.keyPress(plot, Qt.Key.Key_Down)
     qtbot.keyRelease(plot, Qt.Key.Key_Down)
@@ -435,6 +439,6 @@ def test_arrow_keys_walk_on_the_map_by_a_tenth_of_the_spread(shaping, rest, lear
     np.testing.assert_allclose(plot.here, begun + 0.1 * spread * (0, -2), atol=4e-4)
     assert window.commands.run("edit.undo")
     rest()
-    assert window.latents.stance is before
+    assert window.stations.latent.work.stance is before
     plot.clearFocus()
     assert plot.box.border.style() == Qt.PenStyle.NoPen

@@ -38,8 +38,8 @@ def share_of(slider):
 @pytest.fixture
 def twos(shaping):
     """The two strongest latent variables, with their sliders."""
-    first, second = list(shaping.panels_latent.components)[:2]
-    sliders = shaping.panels_latent.components
+    first, second = list(shaping.stations.latent.panel.components)[:2]
+    sliders = shaping.stations.latent.panel.components
     return (first, sliders[first].slider), (second, sliders[second].slider)
 
 
@@ -60,7 +60,7 @@ def sixteen():
 
 
 def test_far_outside_is_held_in_amber_or_let_go_in_red(shaping, rest):
-    window, work, panel = shaping, shaping.latents, shaping.panels_latent
+    window, work, panel = shaping, shaping.stations.latent.work, shaping.stations.latent.panel
     k = next(iter(panel.components))
     slider, mean, reach = panel.components[k], work.about.mean[k], work.about.reach[k]
     slider.box.setValue(mean + 1.4 * reach)  # the box takes what the slider cannot reach
@@ -75,7 +75,7 @@ def test_far_outside_is_held_in_amber_or_let_go_in_red(shaping, rest):
     assert work.stance.latent[k] == pytest.approx(mean + 1.4 * reach, abs=1e-3)
     assert slider.box.property("amber") == "true"
     assert share_of(slider.slider) == pytest.approx(0.5 + 1.4 / 4, abs=0.01)
-    for light in (panel.light, window.studio.factors.light):
+    for light in (panel.light, window.stations.latent.dock.factors.light):
         assert light.property("state") == "bad" or "outside" in light.text() or "pieces" in light.text()
     panel.keep.click()
     rest()
@@ -91,7 +91,7 @@ def test_far_outside_is_held_in_amber_or_let_go_in_red(shaping, rest):
 
 
 def test_two_drags_at_once_both_arrive(shaping, rest, twos):
-    work = shaping.latents
+    work = shaping.stations.latent.work
     (k, first), (m, second) = twos
     start = work.stance.latent.copy()
     begin_drag(first, 0.5, 0.6, 0.8)
@@ -114,7 +114,7 @@ def test_two_drags_at_once_both_arrive(shaping, rest, twos):
 
 
 def test_a_panel_closed_in_a_drag_lets_go(shaping, rest, twos):
-    window, work = shaping, shaping.latents
+    window, work = shaping, shaping.stations.latent.work
     (k, slider), _ = twos
     begin_drag(slider, 0.5, 0.6, 0.75)
     window.enter("scan")
@@ -143,8 +143,8 @@ def test_the_window_closes_in_the_middle_of_a_drag(shaping, rest, twos, qtbot):
 def test_a_style_learner_of_another_size_in_the_middle_of_a_drag(
     shaping, rest, twos, sixteen, learner, qtbot
 ):
-    window, work = shaping, shaping.latents
-    window.panels_latent.keep.click()
+    window, work = shaping, shaping.stations.latent.work
+    window.stations.latent.panel.keep.click()
     rest()
     (_, slider), _ = twos
     with qtbot.captureExceptions() as exceptions:
@@ -157,16 +157,16 @@ def test_a_style_learner_of_another_size_in_the_middle_of_a_drag(
     assert work.grain.avatar.n == 16
     assert work.grain.avatar.unit == "um"
     # The kept grain of the other learner waits in the project.
-    assert window.gallery.kept.names == []
+    assert window.stations.latent.shelf.kept.names == []
     assert [grain.name for grain in window.workspace.state.kept] == ["kept 1"]
     assert "another style-learner" in window.messages.text
     window.enter("export")
-    assert window.panels_export.selection.findData("kept") < 0
+    assert window.stations.export.panel.selection.findData("kept") < 0
     window.enter("latent")
-    assert window.gallery.parents.names[0] == "pebble 0"
+    assert window.stations.latent.shelf.parents.names[0] == "pebble 0"
     window.workspace.use_style(learner)
     rest()
-    assert window.gallery.kept.names == ["kept 1"]
+    assert window.stations.latent.shelf.kept.names == ["kept 1"]
     work.begin_with("kept 1")
     rest()
     assert work.grain.avatar.n == 8
@@ -177,22 +177,22 @@ def test_without_a_style_learner_the_panel_leads_to_where_one_is_learned(window,
     for command in window.commands:
         if command.id.startswith("latent."):
             assert not window.commands.run(command.id), command.id
-    QTest.mouseClick(window.panels_latent.style_button, LEFT)
-    assert window.station == "style"
-    assert window.panels_style.isVisible()
+    QTest.mouseClick(window.stations.latent.panel.style_button, LEFT)
+    assert window.stations.current.id == "style"
+    assert window.stations.style.panel.isVisible()
 
 
 def test_a_moving_picture_needs_its_package(shaping, rest, learner, tmp_path, monkeypatch):
     window = shaping
     for letter, row in (("A", 1), ("B", 6)):
-        window.shaping.pick(letter, learner.parents.names[row])
+        window.stations.latent.link.pick(letter, learner.parents.names[row])
     monkeypatch.setattr("mbstudio.scene.pictures.animation.find_spec", lambda name: None)
-    window.shaping.save_animation(tmp_path / "morph.mp4", steps=4)
+    window.stations.latent.link.save_animation(tmp_path / "morph.mp4", steps=4)
     rest()
     assert "imageio-ffmpeg" in window.messages.text
     assert not list(tmp_path.iterdir())
     # A folder of pictures needs nothing.
-    window.shaping.save_animation(tmp_path / "morph.png", steps=4)
+    window.stations.latent.link.save_animation(tmp_path / "morph.png", steps=4)
     rest()
     pictures = sorted(tmp_path.glob("morph_*.png"))
     assert [path.name for path in pictures] == [f"morph_{i:03d}.png" for i in range(4)]

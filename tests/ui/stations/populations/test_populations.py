@@ -43,7 +43,7 @@ def sand():
 def opened(window, idle, sand):
     """The window with the grains and avatars, not yet measured."""
     window.workspace.replace_project(Project(sand[0]))
-    window.panels_populations.scope.setCurrentIndex(1)  # all inside, with an avatar or not
+    window.stations.populations.panel.scope.setCurrentIndex(1)  # all inside, with an avatar or not
     idle()
     return window
 
@@ -51,8 +51,8 @@ def opened(window, idle, sand):
 @pytest.fixture
 def measured(opened, idle, sand):
     """The window at station Populations with everything measured."""
-    opened.populations._take(Measured(opened.populations.asked, *sand))
-    opened.populations.changed.emit()
+    opened.stations.populations.work._take(Measured(opened.stations.populations.work.asked, *sand))
+    opened.stations.populations.work.changed.emit()
     opened.enter("populations")
     idle()
     return opened
@@ -79,12 +79,12 @@ def drag(plot, *places):
 def test_populations_are_measured_and_appear_with_their_numbers(opened, idle):
     window = opened
     window.enter("populations")
-    assert window.populations.is_measuring
-    assert "being measured" in window.plots.words.text()
+    assert window.stations.populations.work.run.is_running
+    assert "being measured" in window.stations.populations.dock.words.text()
     idle()
-    grains, avatars = window.populations.populations
+    grains, avatars = window.stations.populations.work.populations
     assert (len(grains), len(avatars)) == (3, 2)
-    panel = window.panels_populations
+    panel = window.stations.populations.panel
     panel.look_at("volume")
     # By hand: the mean of 4/3 pi abc over the three bodies, 10 µm a voxel.
     volumes = [4 / 3 * np.pi * np.prod(radii) * 1000 for _, radii in BODIES]
@@ -98,7 +98,7 @@ def test_populations_are_measured_and_appear_with_their_numbers(opened, idle):
     # The largest of the three intermediate axes (twice 10, 9 and 6 voxels) bounds all sizes.
     assert float(panel.sizes.text("D60", 1)) <= 205
     assert "µm" in panel.sizes.text("D60", 0)
-    plots = window.plots
+    plots = window.stations.populations.dock
     assert plots.page_name == "distribution"
     bottom = plots.page.pdf.getAxis("bottom").labelText
     assert bottom.startswith("Volume V (")
@@ -107,14 +107,14 @@ def test_populations_are_measured_and_appear_with_their_numbers(opened, idle):
 
 def test_a_click_in_a_plot_chooses_the_grain_everywhere(measured, idle):
     window = measured
-    window.plots.open_page("zingg")
+    window.stations.populations.dock.open_page("zingg")
     QCoreApplication.processEvents()
-    plot = window.plots.page.plot
+    plot = window.stations.populations.dock.page.plot
     before = window.viewport.picture()
     click(plot, 2)
     idle()
     assert window.workspace.selected == 2
-    assert window.table.chosen_labels() == [2]
+    assert window.stations.grains.table.chosen_labels() == [2]
     assert len(plot.marked) == 2  # the grain and its avatar
     assert (window.viewport.picture() != before).any(axis=2).mean() > 0.01
     click(plot, 3, modifier=Qt.KeyboardModifier.ControlModifier)
@@ -128,36 +128,36 @@ def test_a_click_in_a_plot_chooses_the_grain_everywhere(measured, idle):
 
 def test_a_rectangle_and_a_lasso_choose_what_they_hold(measured, idle):
     window = measured
-    window.plots.open_page("pairs")
-    window.panels_populations.look_at("volume")
+    window.stations.populations.dock.open_page("pairs")
+    window.stations.populations.panel.look_at("volume")
     QCoreApplication.processEvents()
-    plot = window.plots.page.plot
+    plot = window.stations.populations.dock.page.plot
     places = {label: plot.place_of(label).toPoint() for label in (1, 2, 3)}
     room = QPoint(12, 12)
     drag(plot, places[1] - room, places[1] + room)
     assert window.workspace.chosen == {1}
-    window.plots.lasso.click()
+    window.stations.populations.dock.lasso.click()
     wide = QPoint(14, 0), QPoint(0, 14)
     drag(plot, places[3] - wide[0], places[3] - wide[1], places[3] + wide[0], places[3] + wide[1])
     assert window.workspace.chosen == {3}
     # A drag over the density takes a range of values, wherever it is drawn.
-    window.plots.open_page("distribution")
+    window.stations.populations.dock.open_page("distribution")
     QCoreApplication.processEvents()
-    density = window.plots.page.pdf
+    density = window.stations.populations.dock.page.pdf
     xs = sorted(density.place_of(label).x() for label in (2, 3))
     drag(density, QPoint(round(xs[0]) - 6, 30), QPoint(round(xs[1]) + 6, 60))
     assert window.workspace.chosen == {2, 3}
     idle()
-    assert sorted(window.table.chosen_labels()) == [2, 3]
+    assert sorted(window.stations.grains.table.chosen_labels()) == [2, 3]
     # Both are solid in the view: the one looked at, and the other cut out of the overview.
-    assert window.link.scene.chosen == {2, 3}
-    assert window.link.scene.layers.grains.holds_chosen
+    assert window.view.scene.chosen == {2, 3}
+    assert window.view.scene.layers.grains.holds_chosen
 
 
 def test_the_table_and_the_view_bring_out_points(measured, idle):
     window = measured
-    plot = window.plots.page.cdf
-    table = window.table
+    plot = window.stations.populations.dock.page.cdf
+    table = window.stations.grains.table
     table.selectRow(table.labels_in_order().index(3))
     assert window.workspace.chosen == {3}
     (spot,) = plot.marked
@@ -168,7 +168,7 @@ def test_the_table_and_the_view_bring_out_points(measured, idle):
     renderer = window.viewport.plotter.renderer
     window.workspace.select(None)
     idle()
-    window.link.look_from("top")
+    window.view.look_from("top")
     window.viewport.render_now()
     renderer.SetWorldPoint(*window.workspace.state.grains.grain(1).centroid, 1.0)
     renderer.WorldToDisplay()
@@ -179,8 +179,8 @@ def test_the_table_and_the_view_bring_out_points(measured, idle):
 
 def test_keys_go_from_grain_to_grain(measured):
     window = measured
-    window.panels_populations.look_at("volume")
-    plot = window.plots.page.cdf
+    window.stations.populations.panel.look_at("volume")
+    plot = window.stations.populations.dock.page.cdf
     plot.setFocus()
     for expected in (3, 2, 1, 3):  # by rising volume, and round again
         QTest.keyClick(plot, Qt.Key.Key_Right)
@@ -191,7 +191,7 @@ def test_keys_go_from_grain_to_grain(measured):
 
 def test_it_is_kept_until_the_project_changes(measured, idle, sand):
     window = measured
-    panel, work = window.panels_populations, window.populations
+    panel, work = window.stations.populations.panel, window.stations.populations.work
     first = work.measured
     assert work.is_current
     assert not panel.measure_button.isEnabled()
@@ -206,51 +206,51 @@ def test_it_is_kept_until_the_project_changes(measured, idle, sand):
     assert window.commands.run("populations.measure")
     idle()
     assert [len(p) for p in work.populations] == [3, 1]
-    window.undo()
+    window.undo.undo()
     assert work.measured is first
-    window.files.new_project()
+    window.project_files.new_project()
     assert work.populations == []
-    assert "Find them" in window.plots.words.text()
+    assert "Find them" in window.stations.populations.dock.words.text()
 
 
 def test_measuring_is_cancelled(measured, idle, qtbot):
     window = measured
-    window.panels_populations.detail.setChecked(True)
-    task = window.populations.measure()
+    window.stations.populations.panel.detail.setChecked(True)
+    task = window.stations.populations.work.measure()
     qtbot.waitUntil(lambda: task.state == "running", timeout=PATIENCE)
     assert window.commands.run("work.cancel")
     idle()
     assert task.state == "cancelled"
-    assert not window.populations.is_current
-    assert window.panels_populations.measure_button.isEnabled()
+    assert not window.stations.populations.work.is_current
+    assert window.stations.populations.panel.measure_button.isEnabled()
 
 
 def test_clones_stand_beside_them_and_cannot_be_chosen(measured):
     window = measured
-    grains = window.populations.populations[0]
+    grains = window.stations.populations.work.populations[0]
     clones = Population(
         "clones", "clones", grains.labels, {n: 1.1 * c for n, c in grains.factors.items()}, grains.unit,
         grains.axes, grains.surface, grains.reasons, grains.warnings,
     )  # fmt: skip
-    window.populations.show_others([clones])
-    panel = window.panels_populations
+    window.studio.offers.compare([clones])
+    panel = window.stations.populations.panel
     panel.look_at("dn")
     assert panel.statistics.text("δ mean", 3) == "10.00 %"
-    window.plots.open_page("pairs")
+    window.stations.populations.dock.open_page("pairs")
     QCoreApplication.processEvents()
-    click(window.plots.page.plot, 1, group=2)
+    click(window.stations.populations.dock.page.plot, 1, group=2)
     assert window.workspace.selected is None
 
 
 @pytest.mark.parametrize("choice", ["light", "dark"])
 def test_every_page_shows_both_populations(measured, choice):
     window = measured
-    window.choose_theme(choice)
+    window.commands.run(f"theme.{choice}")
     wanted = [window.theme.scene.grain, window.theme.scene.avatar]
-    for name in window.plots.pages:
-        window.plots.open_page(name)
+    for name in window.stations.populations.dock.pages:
+        window.stations.populations.dock.open_page(name)
         QCoreApplication.processEvents()
-        image = window.plots.page.grab().toImage().convertToFormat(image_format())
+        image = window.stations.populations.dock.page.grab().toImage().convertToFormat(image_format())
         pixels = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
         pixels = pixels[:, : 3 * image.width()].reshape(image.height(), image.width(), 3).astype(int)
         dark = pixels.mean() < 100
@@ -271,13 +271,13 @@ def image_format():
 
 def test_figures_are_saved_and_copied(measured, idle, tmp_path):
     window = measured
-    for name in window.plots.pages:
-        window.plots.open_page(name)
-        window.files.save_figure(tmp_path / name, "SVG drawing (*.svg)")
+    for name in window.stations.populations.dock.pages:
+        window.stations.populations.dock.open_page(name)
+        window.stations.populations.link.save_figure(tmp_path / name, "SVG drawing (*.svg)")
         idle()
         assert window.messages.level == "success", window.messages.text
         assert (tmp_path / f"{name}.svg").read_text().count("<path") > 10
-    window.files.save_figure(tmp_path / "size.bmp")
+    window.stations.populations.link.save_figure(tmp_path / "size.bmp")
     assert window.messages.level == "error"
     assert ".svg" in window.messages.text
     assert window.commands.run("populations.copy_figure")
@@ -291,32 +291,32 @@ def test_the_report_is_written(measured, idle, tmp_path, monkeypatch):
     draw = population_report.picture
     one = lambda shown, sieves: [draw(population_report.zingg_figure(shown), "Zingg")]  # noqa: E731
     monkeypatch.setattr(population_report, "_figures", one)
-    window.brushing.write_report(tmp_path / "sand.html")
+    window.stations.populations.link.write_report(tmp_path / "sand.html")
     idle()
     assert window.messages.level == "success", window.messages.text
     text = (tmp_path / "sand.html").read_text(encoding="utf-8")
     HTMLParser().feed(text)
     assert text.count("<figure>") == 1
     assert "3 grains and 2 avatars" in text
-    window.brushing.write_report(tmp_path / "missing" / "sand.html")
+    window.stations.populations.link.write_report(tmp_path / "missing" / "sand.html")
     idle()
     assert window.messages.level == "error"
     assert "sand.html" in window.messages.text
 
 
 def test_sizes_outside_the_sieves_are_said(measured, idle, tmp_path, window):
-    panel = window.panels_populations
-    grains = window.populations.populations[0]
+    panel = window.stations.populations.panel
+    grains = window.stations.populations.work.populations[0]
     factors = {name: column * 1e-3 for name, column in grains.factors.items()}
     tiny = Population(
         "dust", "grains", grains.labels, factors, "um", grains.axes, grains.surface, grains.reasons,
         grains.warnings,
     )  # fmt: skip
-    window.populations.show_others([tiny])
+    window.studio.offers.compare([tiny])
     panel.sieves.setCurrentIndex(panel.sieves.findData("iso"))
     assert "outside the sieves" in panel._sizes_note.text()
-    window.plots.open_page("size")
-    assert "outside the sieves" in window.plots.page._note.text()
+    window.stations.populations.dock.open_page("size")
+    assert "outside the sieves" in window.stations.populations.dock.page._note.text()
 
 
 def test_points_inside_a_dented_outline():
@@ -333,17 +333,17 @@ def test_a_factor_that_is_added_to_the_table_can_be_chosen_and_drawn(opened, idl
     with FACTORS.extended(added):
         state, _ = sand
         found = measure_project(Project(state), [1, 2, 3])
-        opened.populations._take(Measured(opened.populations.asked, state, found))
-        opened.populations.changed.emit()
+        opened.stations.populations.work._take(Measured(opened.stations.populations.work.asked, state, found))
+        opened.stations.populations.work.changed.emit()
         opened.enter("populations")
         idle()
-        factor = opened.panels_populations.factor
+        factor = opened.stations.populations.panel.factor
         place = factor.findData("specific_surface")
         assert factor.itemText(place) == "Specific surface S_V"
         assert factor.itemData(place, Qt.ItemDataRole.ToolTipRole) == "Surface area over volume: A / V"
-        opened.panels_populations.look_at("specific_surface")
-        pdf = opened.plots.page.pdf
+        opened.stations.populations.panel.look_at("specific_surface")
+        pdf = opened.stations.populations.dock.page.pdf
         assert pdf.getAxis("bottom").labelText.startswith("Specific surface S_V (")
         assert pdf.getAxis("bottom").labelText.endswith("⁻¹)")
-        mean = opened.panels_populations.statistics.text("Mean", 1)
+        mean = opened.stations.populations.panel.statistics.text("Mean", 1)
         assert float(mean) > 0

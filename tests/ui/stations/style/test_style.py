@@ -27,10 +27,10 @@ def test_the_style_is_the_projects_and_undo_takes_it_back(window, learner):
     window.workspace.use_style(learner)
     assert window.workspace.style is learner
     assert window.workspace.is_modified
-    window.undo()
+    window.undo.undo()
     assert window.workspace.style is None
     window.workspace.redo()
-    window.files.new_project()
+    window.project_files.new_project()
     assert told == [learner, None, learner, None]
 
 
@@ -50,7 +50,7 @@ def meshes(tmp_path_factory):
 @pytest.fixture
 def page(window):
     window.enter("style")
-    return window.panels_style.learn
+    return window.stations.style.panel.learn
 
 
 @pytest.fixture
@@ -62,11 +62,11 @@ def training(window, page, qtbot):
     page.choose_preset("aligned")
     page.steps.setValue(100_000)
     asked = page.asked
-    window.styles._serialized = _Serialized(
+    window.stations.style.work._serialized = _Serialized(
         (asked.parents, asked.n, asked.seed), window.workspace.state, parents, ()
     )
     page.learn_button.click()
-    plots = window.style_page.training
+    plots = window.stations.style.dock.training
     qtbot.waitUntil(lambda: min(plots.items.counts) >= 2, timeout=PATIENCE)
     return plots
 
@@ -85,21 +85,21 @@ def test_meshes_are_learned_and_learned_on(window, page, idle, meshes, tmp_path)
     assert (learner.preset, learner.card.count, learner.card.n, learner.unit) == ("pca", 6, 8, "mm")
     assert learner.card.names[0] == "par0"
     # Found at once: nothing to draw, and the plots say so.
-    assert len(window.style_page.training.records) == 1
-    assert window.style_page.training.error.counts == (0,)
-    assert "at once" in window.style_page.training.error._words.toPlainText()
+    assert len(window.stations.style.dock.training.records) == 1
+    assert window.stations.style.dock.training.error.counts == (0,)
+    assert "at once" in window.stations.style.dock.training.error._words.toPlainText()
     assert "of 6 parents" in page.card_text
     assert f"Held-out error {100 * learner.card.held_out_rms:.2f} %" in page.card_text
-    window.styles.save(tmp_path / "style")
+    window.stations.style.work.save(tmp_path / "style")
     idle()
     page.folder.setText(str(meshes[1]))
     page.on_button.click()
     idle()
     assert window.workspace.style.card.names[6:] == ("new0", "new1")
     np.testing.assert_array_equal(window.workspace.style.template.centers, learner.template.centers)
-    window.undo()
+    window.undo.undo()
     assert window.workspace.style is learner
-    window.styles.open(tmp_path / "style")
+    window.stations.style.work.open(tmp_path / "style")
     idle()
     assert window.workspace.style is not learner
     np.testing.assert_array_equal(window.workspace.style.latents, learner.latents)
@@ -134,7 +134,7 @@ def test_a_cancelled_training_leaves_the_style(window, page, learner, training, 
     page.cancel_button.click()
     idle()
     assert window.workspace.style is learner
-    assert not window.styles.is_running
+    assert not window.stations.style.work.run.is_running
 
 
 def test_few_parents_are_offered_principal_components(window, page, idle, with_grains):
@@ -144,8 +144,8 @@ def test_few_parents_are_offered_principal_components(window, page, idle, with_g
     names = [page.source.itemText(place) for place in range(4)]
     assert names[0] == "Grains inside (2)"
     assert names[2] == "Avatars (0)"
-    window.styles.labels = lambda source: tuple(range(1, 13))
-    window.styles.new_labels = window.styles.labels
+    window.stations.style.work.labels = lambda source: tuple(range(1, 13))
+    window.stations.style.work.new_labels = window.stations.style.work.labels
     page.refresh()
     assert page.preset.currentData() == "pca"
     assert "linear baseline" in page._explained.text()
@@ -164,17 +164,17 @@ def test_errors_say_what_to_do(window, page, idle, tmp_path, learner):
     idle()
     assert window.messages.level == "error"
     assert "holds no meshes" in window.messages.text
-    window.styles.open(tmp_path)
+    window.stations.style.work.open(tmp_path)
     idle()
     assert "style-learner.json" in window.messages.text
     window.workspace.use_style(learner)
-    window.panels_style.open_page("generate")
-    generate = window.panels_style.generate
+    window.stations.style.panel.open_page("generate")
+    generate = window.stations.style.panel.generate
     generate.where.setPlainText("roundish=0.7")
     generate.generate_button.click()
     assert "'roundish'" in generate.refusal.text()
     assert not generate.refusal.isHidden()
-    assert not window.clones.is_running
+    assert not window.stations.style.clone_work.run.is_running
     generate.where.setPlainText("")
     assert generate.refusal.isHidden()
 
@@ -185,7 +185,7 @@ def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
     monkeypatch.setattr(generator, "_SPARE", 8)
     window.enter("style")
     window.workspace.use_style(learner)
-    generate, dock = window.panels_style.generate, window.style_page
+    generate, dock = window.stations.style.panel.generate, window.stations.style.dock
     generate.count.setValue(12)
     assert window.commands.run("style.generate")
     assert generate.cancel_button.isVisible()
@@ -194,18 +194,21 @@ def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
     assert len(clones) == 12, window.messages.text
     assert clones.clones.valid.all()
     # As a population, in the table, in the view and in the choice of what to export.
-    assert [(p.name, len(p)) for p in window.populations.populations] == [("parents", 12), ("clones", 12)]
+    assert [(p.name, len(p)) for p in window.stations.populations.work.populations] == [
+        ("parents", 12),
+        ("clones", 12),
+    ]
     assert dock.clones.rowCount() == 12
-    gallery = window.link.scene.layers.tray
+    gallery = window.view.scene.layers.tray
     assert gallery.is_visible
-    labels = window.link.scene.layers.tray._mesh.cell_data["label"]
+    labels = window.view.scene.layers.tray._mesh.cell_data["label"]
     assert set(labels.tolist()) == set(range(1, 13))
-    export = window.panels_export
+    export = window.stations.export.panel
     export.choose("clones")
     assert export.selection.currentText() == "Clones (12)"
     assert export.export_button.text() == "Export 12 clones"
     # The quality is that of the module that measures it.
-    quality = window.clones.assessed.quality
+    quality = window.stations.style.clone_work.assessed.quality
     assert quality.clones == 12
     assert dock.quality.text("Sphericity", "δ mean") == f"{quality.factors[0].mean_error:.2f} %"
     assert dock.quality.fact("Copies") == f"{100 * quality.novelty.copies:.1f} %"
@@ -215,18 +218,18 @@ def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
 
 def _choose_by_click(window):
     """A click on the fifth body chooses it in view, table and panel."""
-    scene, renderer = window.link.scene, window.viewport.plotter.renderer
+    scene, renderer = window.view.scene, window.viewport.plotter.renderer
     mesh = scene.layers.tray._mesh
     cells = np.flatnonzero(mesh.cell_data["label"] == 5)
     window.viewport.render_now()
     renderer.SetWorldPoint(*mesh.extract_cells(cells).center, 1.0)
     renderer.WorldToDisplay()
     window.viewport.clicked.emit(*renderer.GetDisplayPoint()[:2])
-    assert window.clones.selected == 5
+    assert window.workspace.clone == 5
     assert gallery_colour(scene, 5) != gallery_colour(scene, 4)
-    rows = window.style_page.clones.selectionModel().selectedRows()
+    rows = window.stations.style.dock.clones.selectionModel().selectedRows()
     assert [row.data() for row in rows] == [5]
-    panel = window.panels_style.generate
+    panel = window.stations.style.panel.generate
     assert panel._clone.text() == "Clone 5"
     sphericity = window.workspace.clones.factors.column("sphericity")[4]
     assert panel.factors.text("Sphericity", 1) == f"{sphericity:#.4g}"
@@ -238,7 +241,7 @@ def gallery_colour(scene, label):
 
 
 def _write_and_read(window, idle, tmp_path):
-    export = window.panels_export
+    export = window.stations.export.panel
     export.target.setCurrentIndex(export.target.findData("metaball"))
     export.folder.setText(str(tmp_path / "dem"))
     assert window.commands.run("export.run")
@@ -246,23 +249,23 @@ def _write_and_read(window, idle, tmp_path):
     assert "12 clones" in window.messages.text
     assert len((tmp_path / "dem" / "factors.csv").read_text().splitlines()) == 13
     assert (tmp_path / "dem" / "clone_05.json").exists()
-    window.style_link.write_report(tmp_path / "clones.html")
+    window.stations.style.link.write_report(tmp_path / "clones.html")
     idle()
-    parents = window.clones.assessed.quality.parents
+    parents = window.stations.style.clone_work.assessed.quality.parents
     assert f"12 clones of {parents} parents" in (tmp_path / "clones.html").read_text(encoding="utf-8")
     centers = window.workspace.clones.clones.centers
-    window.projects.save(tmp_path / "boxes.mbs")
+    window.project_work.save(tmp_path / "boxes.mbs")
     idle()
-    window.files.new_project()
+    window.project_files.new_project()
     assert window.workspace.clones is None
-    assert not window.link.scene.layers.tray.holds_something
-    assert window.populations.populations == []
-    assert window.panels_export.selection.findData("clones") < 0
-    window.files.open_path(tmp_path / "boxes.mbs")
+    assert not window.view.scene.layers.tray.holds_something
+    assert window.stations.populations.work.populations == []
+    assert window.stations.export.panel.selection.findData("clones") < 0
+    window.project_files.open_path(tmp_path / "boxes.mbs")
     idle()
     np.testing.assert_array_equal(window.workspace.clones.clones.centers, centers)
     assert window.workspace.style.card.count == 12
-    assert window.style_page.clones.rowCount() == 12
+    assert window.stations.style.dock.clones.rowCount() == 12
 
 
 def test_what_a_long_training_has_learned_outlives_a_crash(
@@ -276,8 +279,8 @@ def test_what_a_long_training_has_learned_outlives_a_crash(
     assert any("Stopped after" in note for note in card.notes)
     assert window.workspace.style is None, "the project gets it at the end"
     told = []
-    window.styles.arrived.connect(lambda: told.append(keep()))
-    window.styles.cancel()
+    window.stations.style.work.arrived.connect(lambda: told.append(keep()))
+    window.stations.style.work.run.cancel()
     idle()
     assert told[-1] is None or told[-1].style is None, "given up is given up"
 
@@ -286,8 +289,8 @@ def test_a_style_that_is_there_is_not_lost_for_one_that_is_learned(
     window, training, idle, qtbot, monkeypatch, learner
 ):
     monkeypatch.setattr(style_work, "KEPT_EVERY", 0.1)
-    qtbot.waitUntil(lambda: window.styles.arrived_style is not None, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: window.stations.style.work.arrived_style is not None, timeout=PATIENCE)
     window.workspace.use_style(learner)
     assert window.shell.autosaves.state_to_keep().style is learner
-    window.styles.cancel()
+    window.stations.style.work.run.cancel()
     idle()

@@ -8,7 +8,7 @@ import os
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
-from mbstudio.ui.view.viewport.viewport import Viewport
+from mbstudio.ui.viewport.viewport import Viewport
 
 log = logging.getLogger(__name__)
 
@@ -22,10 +22,10 @@ def make_viewport(parent: QWidget | None = None) -> Viewport:
     """
     wish = os.environ.get("MBSTUDIO_VIEWPORT", "").lower()
     if wish == "opengl" or (wish != "software" and _has_opengl()):
-        from mbstudio.ui.view.viewport.opengl import OpenGLViewport
+        from mbstudio.ui.viewport.opengl import OpenGLViewport
 
         return OpenGLViewport(parent)
-    from mbstudio.ui.view.viewport.software import SoftwareViewport
+    from mbstudio.ui.viewport.software import SoftwareViewport
 
     return SoftwareViewport(parent)
 

@@ -7,13 +7,13 @@ import weakref
 
 from PySide6.QtCore import QCoreApplication, QObject
 
-from mbstudio.ui.soon import Soon
+from mbstudio.ui.deferred_calls import DeferredCalls
 from tests.ui.conftest import delete_later_now
 
 
 def test_what_waits_is_called_once_and_in_order(qapp):
     told, parent = [], QObject()
-    soon = Soon(parent)
+    soon = DeferredCalls(parent)
 
     def first():
         told.append("first")
@@ -34,7 +34,7 @@ def test_what_waits_goes_with_its_parent(qapp):
         pass
 
     told, parent, held = [], QObject(), Held()
-    Soon(parent).call(lambda: told.append(held))
+    DeferredCalls(parent).call(lambda: told.append(held))
     there = weakref.ref(held)
     parent.deleteLater()
     delete_later_now()

@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 log = logging.getLogger(__name__)
 
 
-class LatestOnly(QObject):
+class LatestRequestWorker(QObject):
     """A thread that works on the newest request; one that waits is replaced by the next.
 
     Results arrive in the main thread in the order of their requests. Between two results lie as many

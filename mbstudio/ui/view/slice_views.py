@@ -2,48 +2,65 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from PySide6.QtCore import QEvent, QObject
-from PySide6.QtWidgets import QLabel, QToolButton
+from PySide6.QtWidgets import QLabel
 
 from mbstudio.scene.layers.annotations import readable_length
 from mbstudio.scene.layers.picking import sight
 from mbstudio.scene.layers.slices import AXES, Axis
 from mbstudio.scene.tools.slice_grip import SliceGrip
 from mbstudio.ui.language import tr
-from mbstudio.ui.view.slice_dock import PLANES, axes_of
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.view.slice_dock import PLANES, SliceDock, axes_of
+from mbstudio.ui.widgets.dock_frame import DockFrame
 
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
-
-STATIONS = ("scan", "grains")
 ROOMY = 1080  # pixels: wide enough for panel, view and panes
 
 
-class SliceLink(QObject):
+class SliceViews(QObject):
     """What the slices do.
 
     Parameters
     ----------
-    window : MainWindow
+    studio : Studio
+    view : SceneView
+
+    Attributes
+    ----------
+    panes : SliceDock
+    frame : DockFrame
+        That they stand in.
+    wanted : bool
+        Whether the person wants to see them.
+    readout : QLabel
+        What lies under the mouse, for the status bar.
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._link = window, window.link
-        self._panes = window.slice_panes.panes
-        self.wanted = window.settings.value("slice_views", "true") != "false"
+    def __init__(self, studio: Studio, view: SceneView) -> None:
+        super().__init__(studio)
+        self._studio, self._view = studio, view
+        self.panes = SliceDock(studio.theme)
+        self._panes = self.panes.panes
+        self.frame = DockFrame(
+            "slices",
+            tr("Slices"),
+            self.panes,
+            "right",
+            studio.icons,
+            is_wanted=lambda: self.is_shown,
+            first_width=lambda width: max(240, width // 5),
+        )
+        self.wanted = studio.settings.value("slice_views", "true") != "false"
         self.readout = QLabel()
         self.readout.setObjectName("key")
-        window.statusBar().addWidget(self.readout)
-        self.grip = SliceGrip(self._link.scene.layers.slices, self._link.move_slice)
-        window.viewport.scaled.connect(self.grip.scale)
-        window.viewport.grips.append(self.grip)
-        window.viewport.hovered.connect(self._hovered)
-        self._link.slices_changed.connect(self.refresh)
-        window.workspace.scan_changed.connect(lambda: self.readout.clear())
+        self.grip = SliceGrip(view.scene.layers.slices, self._view.move_slice)
+        studio.viewport.scaled.connect(self.grip.scale)
+        studio.viewport.grips.append(self.grip)
+        studio.viewport.hovered.connect(self._hovered)
+        self._view.slices_changed.connect(self.refresh)
+        studio.workspace.scan_changed.connect(lambda: self.readout.clear())
         for plane, across in PLANES:
             pane, (first, second) = self._panes[across], axes_of(plane)
             pane.stepped.connect(lambda step, axis=across: self._step(axis, step))
@@ -51,39 +68,36 @@ class SliceLink(QObject):
             pane.pointed.connect(lambda c, r, a=first, b=second, own=across: self._pointed({a: c, b: r}, own))
             pane.left.connect(self.readout.clear)
             pane.windowed.connect(self._widen)
-        title = window.slices_dock.titleBarWidget()
-        close = title.findChild(QToolButton) if title is not None else None
-        if close is not None:
-            close.clicked.connect(lambda: self.show(False))
-        window.installEventFilter(self)
+        if self.frame.close_button is not None:
+            self.frame.close_button.clicked.connect(lambda: self.show(False))
+        studio.host.installEventFilter(self)
         self.refresh()
 
     @property
     def is_offered(self) -> bool:
         """Whether the panes belong to this station and have something to show."""
-        return self._window.station in STATIONS and self._link.scene.layers.slices.holds_something
+        return self._view.display.shows_slices and self._view.scene.layers.slices.holds_something
 
     @property
     def is_shown(self) -> bool:
         """Whether the panes are wanted, have something to show, and leave room for the view."""
-        return self.wanted and self.is_offered and self._window.width() >= ROOMY
+        return self.wanted and self.is_offered and self._studio.host.width() >= ROOMY
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.Resize and self._window.slices_dock.isHidden() == self.is_shown:
-            self._window.show_docks()
+        if event.type() == QEvent.Type.Resize and self.frame.isHidden() == self.is_shown:
+            self._studio.arrange_docks()
         return super().eventFilter(watched, event)
 
     def show(self, shown: bool) -> None:
         """Show or hide the panes, now and at the next start."""
         self.wanted = shown
-        self._window.settings.setValue("slice_views", "true" if shown else "false")
-        self._window.show_docks()
-        self._window.refresh()
+        self._studio.settings.setValue("slice_views", "true" if shown else "false")
+        self._studio.arrange_docks()
+        self._studio.refresh()
 
     def refresh(self) -> None:
         """Show the slices as they are."""
-        slices, scan = self._link.scene.layers.slices.planes, self._window.workspace.scan
-        panel = self._window.panels_scan
+        slices, scan = self._view.scene.layers.slices.planes, self._studio.workspace.scan
         for plane, across in PLANES:
             pane = self._panes[across]
             if slices is None or scan is None:
@@ -98,48 +112,45 @@ class SliceLink(QObject):
                 f"{across} = {readable_length(position, scan.unit) if position else '0'}",
             )
             pane.set_cross(slices.index[first], slices.index[second])
-            panel.sliders[across].set_index(index)
-        if slices is not None:
-            panel.show_window(*slices.window)
 
     # ---- by hand ---------------------------------------------------------------------------------
 
     def _step(self, axis: Axis, step: int) -> None:
-        slices = self._link.scene.layers.slices.planes
+        slices = self._view.scene.layers.slices.planes
         if slices is not None:
-            self._link.move_slice(axis, int(np.clip(slices.index[axis] + step, 0, slices.counts[axis] - 1)))
+            self._view.move_slice(axis, int(np.clip(slices.index[axis] + step, 0, slices.counts[axis] - 1)))
 
     def _cross(self, first: Axis, column: float, second: Axis, row: float) -> None:
-        self._link.move_slice(first, round(column))
-        self._link.move_slice(second, round(row))
+        self._view.move_slice(first, round(column))
+        self._view.move_slice(second, round(row))
 
     def _widen(self, wider: float, brighter: float) -> None:
-        slices = self._link.scene.layers.slices.planes
+        slices = self._view.scene.layers.slices.planes
         if slices is not None:
             low, high = slices.window
             middle, width = (low + high) / 2 - brighter * (high - low), (high - low) * max(0.2, 1 + wider)
-            self._link.set_window(middle - width / 2, middle + width / 2)
+            self._view.set_window(middle - width / 2, middle + width / 2)
 
     # ---- what lies under the mouse ---------------------------------------------------------------
 
     def _pointed(self, places: dict[Axis, float], across: Axis) -> None:
-        slices = self._link.scene.layers.slices.planes
+        slices = self._view.scene.layers.slices.planes
         if slices is not None:
             voxel = {axis: round(place) for axis, place in places.items()} | {across: slices.index[across]}
             self._tell((voxel["x"], voxel["y"], voxel["z"]))
 
     def _hovered(self, x: float, y: float) -> None:
-        slices = self._link.scene.layers.slices.planes
+        slices = self._view.scene.layers.slices.planes
         point = None
         if slices is not None and any(slices.is_seen(axis) for axis in AXES):
-            point = slices.point_on(*sight(self._window.viewport.plotter.renderer, x, y))
+            point = slices.point_on(*sight(self._studio.viewport.plotter.renderer, x, y))
         if point is None or slices is None:
             self.readout.clear()
         else:
             self._tell(slices.voxel_at(point))
 
     def _tell(self, voxel: tuple[int, int, int]) -> None:
-        scan, grains = self._window.workspace.scan, self._window.workspace.state.grains
+        scan, grains = self._studio.workspace.scan, self._studio.workspace.state.grains
         if scan is None:
             return
         x, y, z = (int(np.clip(v, 0, n - 1)) for v, n in zip(voxel, scan.shape[::-1], strict=True))

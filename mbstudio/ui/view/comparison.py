@@ -1,9 +1,8 @@
-"""Grain, avatar and clone side by side, at stations Fit and Style."""
+"""Grain, avatar and clone side by side, at the stations that compare them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QObject
@@ -12,22 +11,22 @@ from mbstudio.core.units import conversion_factor
 from mbstudio.scene.layers.side_by_side import Column
 from mbstudio.scene.surfaces import avatar_surface, grain_surface
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.fit.work import LiveAvatar
-from mbstudio.ui.view.viewport.viewport import Grip
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.live_avatar import LiveAvatar
+from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.view.view_tools import ViewTools
+from mbstudio.ui.viewport.viewport import Grip
 from mbstudio.ui.workers import Task
 
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
-STATIONS = ("fit", "style")
-
-
-class CompareLink(QObject):
+class Comparison(QObject):
     """What the comparison shows.
 
     Parameters
     ----------
-    window : MainWindow
+    studio : Studio
+    view : SceneView
+    tools : ViewTools
 
     Attributes
     ----------
@@ -35,24 +34,24 @@ class CompareLink(QObject):
         Whether it is shown at the stations that have it.
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._link, self._space = window, window.link, window.workspace
-        self._columns = window.link.scene.layers.side_by_side
+    def __init__(self, studio: Studio, view: SceneView, tools: ViewTools) -> None:
+        super().__init__(studio)
+        self._studio, self._view, self._tools, self._space = studio, view, tools, studio.workspace
+        self._columns = view.scene.layers.side_by_side
         self.wanted = False
         self._built: tuple[object, ...] = ()
         self._grips: list[Grip] = []
-        self._link.arranged.connect(self._follow)
-        window.clones.selection_changed.connect(self._follow)
+        self._view.arranged.connect(self._follow)
+        self._space.clone_changed.connect(self._follow)
         self._space.clones_changed.connect(self._follow)
         self._space.fits_changed.connect(self._follow)
-        window.fits.avatar_moved.connect(self._avatar_moved)
+        view.avatar_moved.connect(self._avatar_moved)
 
     @property
     def is_offered(self) -> bool:
         """Whether this station has the comparison, and there is something to compare."""
         there = self._space.state.grains is not None or self._space.clones is not None
-        return self._window.station in STATIONS and there
+        return self._view.display.compares and there
 
     @property
     def is_shown(self) -> bool:
@@ -62,7 +61,7 @@ class CompareLink(QObject):
         """Show grain, avatar and clone next to each other, or the view as it was."""
         self.wanted = wanted
         self._follow()
-        self._window.refresh()
+        self._studio.refresh()
 
     def _follow(self) -> None:
         on = self.wanted and self.is_offered
@@ -70,11 +69,11 @@ class CompareLink(QObject):
             self._build()
         if on != self._columns.is_shown:
             self._columns.show(on)
-            self._link.picking = not on and self._window.tools.measuring is None
+            self._view.picking = not on and self._tools.measuring is None
             # What could be dragged or measured is not to be seen.
-            viewport = self._window.viewport
+            viewport = self._studio.viewport
             self._grips, viewport.grips = viewport.grips, self._grips
-            self._link.draw()
+            self._view.draw()
 
     def _build(self) -> None:
         label, state, clones = self._space.selected, self._space.state, self._space.clones
@@ -82,7 +81,7 @@ class CompareLink(QObject):
         if label is None:
             label = next(iter(sorted(state.fits)), None)
         fit = state.fits.get(label) if label is not None else None
-        number = None if clones is None else self._window.clones.selected or 1
+        number = None if clones is None else self._space.clone or 1
         wanted = (label, grains, fit, clones, number)
         if len(wanted) == len(self._built) and all(a is b for a, b in zip(wanted, self._built, strict=True)):
             return
@@ -120,11 +119,11 @@ class CompareLink(QObject):
         def done(columns: list[Column]) -> None:
             if self._built is wanted:
                 self._columns.set(columns, unit)
-                self._link.draw()
+                self._view.draw()
 
         task = Task(tr("Drawing the comparison"), lambda control: make())
         task.succeeded.connect(done)
-        self._window.queue.submit(task, lane="view", key="comparison")
+        self._studio.queue.submit(task, lane="view", key="comparison")
 
     def _avatar_moved(self, label: int, live: LiveAvatar) -> None:
         if self._columns.is_shown and label == self._space.selected:

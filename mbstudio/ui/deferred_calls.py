@@ -7,7 +7,7 @@ from collections.abc import Callable
 from PySide6.QtCore import QObject, QTimer
 
 
-class Soon(QObject):
+class DeferredCalls(QObject):
     """Makes calls once the event loop is free, none of them after its parent is gone.
 
     ``QTimer.singleShot`` keeps what it was given, and all that hangs on it, for ever if the loop ends first.

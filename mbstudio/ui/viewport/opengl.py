@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QWidget
 from pyvistaqt import QtInteractor
 
 from mbstudio.ui.language import tr
-from mbstudio.ui.view.viewport.viewport import Viewport
+from mbstudio.ui.viewport.viewport import Viewport
 
 
 class OpenGLViewport(Viewport):

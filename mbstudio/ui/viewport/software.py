@@ -19,7 +19,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from mbstudio.ui.language import tr
-from mbstudio.ui.view.viewport.viewport import Viewport
+from mbstudio.ui.viewport.viewport import Viewport
 
 BUDGET = 0.03  # seconds that a picture may take while things move
 CALM = 200  # milliseconds without a change after which the picture is drawn sharp

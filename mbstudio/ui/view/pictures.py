@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QImage
+from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import camera
 from mbstudio.scene.pictures.animation import animation_file, require_writer
 from mbstudio.ui.language import tr
+from mbstudio.ui.studio import Studio
 from mbstudio.ui.workers import Control, Task
-
-if TYPE_CHECKING:
-    from mbstudio.ui.shell.main_window import MainWindow
 
 FRAMES = 72
 """Of a turntable: steps of five degrees."""
@@ -49,12 +48,12 @@ class _Frames(QObject):
         self._there.set()
 
 
-class PictureLink(QObject):
+class Pictures(QObject):
     """What becomes of the view as a picture.
 
     Parameters
     ----------
-    window : MainWindow
+    studio : Studio
 
     Attributes
     ----------
@@ -62,30 +61,56 @@ class PictureLink(QObject):
         Pixels of a picture for each pixel of the view, along a side; kept from start to start.
     """
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window = window
-        kept = str(window.settings.value("picture_scale", "1"))
+    def __init__(self, studio: Studio) -> None:
+        super().__init__(studio)
+        self._studio = studio
+        kept = str(studio.settings.value("picture_scale", "1"))
         self.scale = int(kept) if kept in ("1", "2", "4") else 1
         self._turning: Task | None = None
 
     def use_scale(self, scale: int, _checked: bool = True) -> None:
         """Make pictures so many times as fine as the screen."""
         self.scale = scale
-        self._window.settings.setValue("picture_scale", str(scale))
-        self._window.commands.refresh()
+        self._studio.settings.setValue("picture_scale", str(scale))
+        self._studio.commands.refresh()
 
     def has_scale(self, scale: int) -> bool:
         """Return whether pictures are so many times as fine as the screen."""
         return self.scale == scale
 
+    def ask_file(self) -> None:
+        """Ask for a file and save the view to it."""
+        name, _ = QFileDialog.getSaveFileName(
+            self._studio.host,
+            tr("Save picture"),
+            self._studio.path_for("view.png"),
+            tr("PNG picture (*.png)"),
+        )
+        if name:
+            self.save(Path(name))
+
+    def save(self, path: Path) -> None:
+        """Save the 3-D view as a picture."""
+        from imageio.v3 import imwrite
+
+        path = path if path.suffix else path.with_suffix(".png")
+        try:
+            imwrite(path, self._studio.viewport.picture(self.scale))
+        except OSError as error:
+            self._studio.say(
+                "error",
+                tr("{path} cannot be written ({error}): choose another folder.", path=path, error=error),
+            )
+        else:
+            self._studio.say("success", tr("Saved the view as {path}.", path=path))
+
     def copy(self) -> None:
         """Put the view into the clipboard."""
-        pixels = np.ascontiguousarray(self._window.viewport.picture(self.scale))
+        pixels = np.ascontiguousarray(self._studio.viewport.picture(self.scale))
         height, width, _ = pixels.shape
         image = QImage(pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)
         QGuiApplication.clipboard().setImage(image.copy())
-        self._window.messages.say(
+        self._studio.say(
             "success",
             tr("Copied the view to the clipboard, {width} × {height} pixels.", width=width, height=height),
         )
@@ -96,6 +121,19 @@ class PictureLink(QObject):
     def is_turning(self) -> bool:
         """Whether a turntable is being written."""
         return self._turning is not None and not self._turning.is_over
+
+    def ask_turntable(self) -> None:
+        """Ask for a file and write the view turning once around to it."""
+        name, kind = QFileDialog.getSaveFileName(
+            self._studio.host,
+            tr("Save turntable"),
+            self._studio.path_for("turntable.gif"),
+            tr("GIF animation (*.gif);;MP4 film (*.mp4);;PNG pictures, one a frame (*.png)"),
+        )
+        if name:
+            path = Path(name)
+            ending = next((end for end in (".mp4", ".png") if end in kind), ".gif")
+            self.write_turntable(path if path.suffix else path.with_suffix(ending))
 
     def write_turntable(self, path: Path, frames: int = FRAMES) -> Task | None:
         """Turn the view once around and write it as an animation.
@@ -110,9 +148,9 @@ class PictureLink(QObject):
         try:
             require_writer(path)
         except MbstudioError as error:
-            self._window.messages.say("error", str(error))
+            self._studio.say("error", str(error))
             return None
-        viewport, scale = self._window.viewport, self.scale
+        viewport, scale = self._studio.viewport, self.scale
         renderer = viewport.plotter.renderer
         begun = camera.pose(renderer)
         size: list[tuple[int, ...]] = []
@@ -138,13 +176,13 @@ class PictureLink(QObject):
             source.deleteLater()
             camera.set_pose(renderer, begun)
             viewport.request_render()
-            self._window.refresh()
+            self._studio.refresh()
 
         task = Task(tr("Writing the turntable"), work)
-        task.succeeded.connect(lambda written: self._window.messages.say("success", _told(written, frames)))
+        task.succeeded.connect(lambda written: self._studio.say("success", _told(written, frames)))
         task.ended.connect(over)
         self._turning = task
-        self._window.queue.submit(task)
+        self._studio.queue.submit(task)
         return task
 
 

@@ -4,31 +4,39 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QGuiApplication
 
 from mbstudio.scene import Scene, View
 from mbstudio.scene.tray_camera import TrayCamera
-from mbstudio.ui.stations.fit.work import FitWork, LiveAvatar
-from mbstudio.ui.stations.station_layers import StationLayers
-from mbstudio.ui.theme import Theme
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.display import Display
+from mbstudio.ui.view.live_avatar import LiveAvatar
 from mbstudio.ui.view.view_surfaces import ViewSurfaces
-from mbstudio.ui.view.viewport import Viewport
-from mbstudio.ui.workers import TaskQueue
-from mbstudio.ui.workspace import Workspace
+
+SEEN_THROUGH: tuple[str, ...] = ("grain", "avatar")
+"""Layers that a station can make transparent."""
 
 
-class ViewLink(QObject):
+class SceneView(QObject):
     """Shows the workspace's scan, grains and avatars in a scene.
+
+    Parameters
+    ----------
+    studio : Studio
 
     Attributes
     ----------
+    display : Display
+        What the open station shows.
     factors_ready : signal (ShapeFactors or None, ShapeFactors or None)
         Factors of the chosen grain and its avatar.
     drawn : signal
         The scene was changed and will be rendered.
     slices_changed : signal
         Slices were moved, shown otherwise, or are those of another scan.
+    avatar_moved : signal (int, LiveAvatar)
+        The avatar of a grain that is being fitted, as it stands.
     arranged : signal
         Other layers are shown than before, or other things in them.
     picking : bool
@@ -38,27 +46,19 @@ class ViewLink(QObject):
     factors_ready = Signal(object, object)
     drawn = Signal()
     slices_changed = Signal()
+    avatar_moved = Signal(int, object)
     arranged = Signal()
 
-    def __init__(
-        self,
-        workspace: Workspace,
-        fits: FitWork,
-        queue: TaskQueue,
-        viewport: Viewport,
-        theme: Theme,
-        parent: QObject,
-    ) -> None:
-        super().__init__(parent)
+    def __init__(self, studio: Studio) -> None:
+        super().__init__(studio)
+        workspace, viewport, theme = studio.workspace, studio.viewport, studio.theme
         self.workspace, self.viewport, self.theme = workspace, viewport, theme
         self.scene = Scene(viewport.plotter, theme.scene)
-        self.surfaces = ViewSurfaces(workspace, fits, queue, self.scene, viewport.kind, self)
-        self.station = "scan"
+        self.surfaces = ViewSurfaces(workspace, studio.queue, self.scene, viewport.kind, self)
+        self.display = Display(workspace)
+        self._displays = [self.display]
         self.picking = True
-        self._layers = StationLayers()
-        self._opacity: dict[str, float] = {"grain": 0.6, "avatar": 1.0}
         self._focus: object = None
-        self.preview: object = None  # what of an export is looked at, in place of the avatars
         self._tray = TrayCamera(self.scene)
         self.surfaces.factors_ready.connect(self.factors_ready)
         self.surfaces.taken.connect(self.arrange)
@@ -66,7 +66,6 @@ class ViewLink(QObject):
         workspace.grains_changed.connect(self._grains_changed)
         workspace.selection_changed.connect(self._selection_changed)
         workspace.fits_changed.connect(self._fits_changed)
-        fits.avatar_moved.connect(self._avatar_moved)
         theme.changed.connect(self._theme_changed)
         viewport.clicked.connect(self._clicked)
         viewport.scaled.connect(self.scene.set_pixel_ratio)
@@ -74,20 +73,31 @@ class ViewLink(QObject):
 
     # ---- what the window asks ------------------------------------------------------------------
 
-    def enter(self, station: str) -> None:
+    def enter(self, display: Display) -> None:
         """Show what belongs to a station."""
-        self.station = station
-        if station == "export":
+        self.display = display
+        if display not in self._displays:
+            self._displays.append(display)
+        if "avatars" in display.kept_built:
             self.surfaces.build_avatars()
         self.arrange()
 
+    @property
+    def has_content(self) -> bool:
+        """Whether there is something in the view at this station."""
+        return self.display.has_content
+
+    def offers(self, layer: str) -> bool:
+        """Return whether a layer can be switched at this station."""
+        return self.display.offers(layer)
+
     def is_shown(self, layer: str) -> bool:
         """Return whether a layer is switched on at this station."""
-        return self._layers.is_shown(self.station, layer)
+        return self.display.is_shown(layer)
 
     def show_layer(self, layer: str, shown: bool) -> None:
         """Switch a layer on or off at this station."""
-        self._layers.switch(self.station, layer, shown)
+        self.display.switch(layer, shown)
         if layer == "volume" and shown:
             self.surfaces.build_volume()
         if layer == "avatars" and shown:
@@ -107,9 +117,29 @@ class ViewLink(QObject):
         self.draw()
 
     def set_opacity(self, layer: str, opacity: float) -> None:
-        """Change the opacity of the grain or the avatar at station Fit."""
-        self._opacity[layer] = opacity
+        """Change how far one sees through the grain or the avatar at this station."""
+        self.display.opacity[layer] = opacity
         self.arrange()
+
+    def show_live_avatar(self, label: int, live: LiveAvatar) -> None:
+        """Show the avatar of a grain that is being fitted, as it stands."""
+        self.avatar_moved.emit(label, live)
+        if label != self.workspace.selected:
+            return
+        self.scene.layers.avatar.set(live.surface)
+        self.scene.layers.points.set(live.points)
+        if self.scene.layers.deviation.holds_something:
+            self.surfaces.clear_deviation()
+            self.arrange()
+        self.draw()
+
+    def take_unit(self) -> None:
+        """Give the scene the unit of the grains, or of the scan."""
+        grains, scan = self.workspace.state.grains, self.workspace.scan
+        if grains is not None:
+            self.scene.set_unit(grains.unit)
+        elif scan is not None:
+            self.scene.set_unit(scan.unit)
 
     def move_slice(self, axis: Any, index: int) -> None:
         """Cut the scan elsewhere."""
@@ -174,23 +204,13 @@ class ViewLink(QObject):
 
     def _fits_changed(self) -> None:
         self._build_chosen()
-        if self.station == "export" or self.is_shown("avatars"):
+        if "avatars" in self.display.kept_built or self.is_shown("avatars"):
             self.surfaces.build_avatars()
 
     def _build_chosen(self) -> None:
         self.surfaces.build_chosen()
-        if self._layers.is_shown("fit", "deviation"):
+        if any(display.is_shown("deviation") for display in self._displays):
             self.surfaces.build_deviation()
-
-    def _avatar_moved(self, label: int, live: LiveAvatar) -> None:
-        if label != self.workspace.selected:
-            return
-        self.scene.layers.avatar.set(live.surface)
-        self.scene.layers.points.set(live.points)
-        if self.scene.layers.deviation.holds_something:
-            self.surfaces.clear_deviation()
-            self.arrange()
-        self.draw()
 
     def _camera_moving(self, moving: bool) -> None:
         if self.scene.layers.volume.holds_something:
@@ -212,10 +232,15 @@ class ViewLink(QObject):
                 self.workspace.toggle([label])
 
     @property
+    def room(self) -> QSize:
+        """Size of the place where the view is, or will be once there is something in it."""
+        place = self.viewport.parentWidget() or self.viewport
+        return place.size()
+
+    @property
     def shows_tray(self) -> bool:
-        """Whether clones are looked at: at station Style, and if there is nothing else."""
-        bare = self.workspace.state.grains is None and self.workspace.scan is None
-        return self.station == "style" or (bare and self.station != "latent")
+        """Whether clones are looked at, if there are any."""
+        return self.display.shows_tray
 
     def refit_tray(self) -> None:
         """Fit the clones into a view that has another size now."""
@@ -226,35 +251,17 @@ class ViewLink(QObject):
 
     def arrange(self, view: View | None = None) -> None:
         """Show the layers of the station; where they are empty, what comes before them."""
-        state, layers = self.workspace.state, self._layers.shown(self.station)
-        whole: set[str] = {"grains"} if state.grains is not None else {"slices"}
-        previewing = self.station == "export" and self.preview is not None
-        tray = self.shows_tray and self.scene.layers.tray.holds_something and not previewing
-        if self.station == "style" and not tray:
-            layers = set(whole)
-        elif self.station in ("grains", "populations") and state.grains is None:
-            layers |= {"slices"}
-        elif (self.station == "fit" and self.workspace.selected is None) or (
-            self.station == "export" and not state.fits
-        ):
-            layers = whole
+        display = self.display
+        looked_at = display.looked_at
+        tray = display.shows_tray and self.scene.layers.tray.holds_something and looked_at is None
+        layers = display.layers_now(tray)
         if "deviation" in layers and not self.scene.layers.deviation.holds_something:
             # Before it is built, while the search runs, and for a grain that has no avatar yet.
             layers |= {"avatar", "grain"}
-        if previewing:
-            layers = self._layers.shown("export") & {"shape", "envelope"}
-        elif self.station == "export":
-            layers -= {"shape", "envelope"}
-        overview = self.station in ("grains", "populations") or (self.station == "style" and not tray)
-        if overview and self.workspace.selected is not None and "grains" in layers:
-            layers |= {"grain"}
-        for layer, opacity in self._opacity.items():
-            self.scene.layers[layer].set_opacity(opacity if self.station == "fit" else 1.0)
+        for layer in SEEN_THROUGH:
+            self.scene.layers[layer].set_opacity(display.opacity.get(layer, 1.0))
         self.scene.show_layers(layers | {"tray"} if tray else layers)
-        single = self.station == "fit" and self.workspace.selected is not None
-        latent = self.station == "latent"
-        looked_at = self.preview if previewing else self.workspace.selected if single else None
-        focus = (looked_at, latent, self.scene.points() is not None)
+        focus = (looked_at, display.own_space, self.scene.points() is not None)
         at_tray = self._tray.look_at_tray(tray, view is not None)
         if not at_tray and (focus != self._focus or view is not None):
             # The camera moves when what is looked at changes, never while it is looked at.

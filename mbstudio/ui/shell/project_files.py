@@ -1,0 +1,116 @@
+"""Opening and saving projects: which file, and whether unsaved work may go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject
+from PySide6.QtWidgets import QFileDialog
+
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.shell.dialogs.leave_card import LeaveCard
+from mbstudio.ui.shell.project_work import ProjectWork
+from mbstudio.ui.stations.registry import Stations
+from mbstudio.ui.studio import Studio
+
+PROJECT_FILTER = mark("MetaBall Studio project (*.mbs)")
+
+
+class ProjectFiles(QObject):
+    """Asks the person for project files, and whether what is not saved is to be.
+
+    Parameters
+    ----------
+    studio : Studio
+    stations : Stations
+        They know what is not in the project yet, and open what is no project.
+    project_work : ProjectWork
+
+    Attributes
+    ----------
+    leaving : LeaveCard
+    asks : bool
+        Whether leaving unsaved work asks; tests switch it off.
+    """
+
+    def __init__(self, studio: Studio, stations: Stations, project_work: ProjectWork) -> None:
+        super().__init__(studio)
+        self._studio, self._stations, self._work = studio, stations, project_work
+        self._space = studio.workspace
+        self.asks = True
+        self._then: Callable[[], object] | None = None
+        self.leaving = LeaveCard()
+        self.leaving.answered.connect(self._leave)
+        self._space.project_replaced.connect(self.leaving.take_away)
+
+    def ask_project(self) -> None:
+        """Let the person choose a project file."""
+        name, _ = QFileDialog.getOpenFileName(
+            self._studio.host, tr("Open project"), self._studio.path_for(), tr(PROJECT_FILTER)
+        )
+        if name:
+            self.open_path(Path(name))
+
+    def open_path(self, path: Path) -> None:
+        """Open a project, or let a station open what it is."""
+        if path.suffix.lower() == ".mbs":
+            self.leave_project(lambda: self._work.open(path))
+        else:
+            self._stations.open(path)
+
+    def new_project(self) -> None:
+        """Begin anew."""
+        self.leave_project(self._work.new)
+
+    def save(self) -> None:
+        """Save to the project's file, or ask for one."""
+        path = self._space.project.path
+        if path is None:
+            self.save_as()
+        else:
+            self._work.save(path)
+
+    def save_as(self, after: Any = None) -> None:
+        """Ask for a file and save to it."""
+        name, _ = QFileDialog.getSaveFileName(
+            self._studio.host, tr("Save project"), self._studio.path_for("sand.mbs"), tr(PROJECT_FILTER)
+        )
+        if name:
+            path = Path(name)
+            self._work.save(path if path.suffix else path.with_suffix(".mbs"), after)
+
+    @property
+    def has_unsaved_work(self) -> bool:
+        """Whether leaving the project now would lose something that is done or under way."""
+        return self._space.is_modified or any(station.has_unsaved_work for station in self._stations)
+
+    def leave_project(self, then: Callable[[], object]) -> None:
+        """Do `then` once unsaved work is saved or given up; a card above the view asks for which."""
+        if not (self.asks and self.has_unsaved_work and self._space.can_be_saved):
+            then()
+            return
+        running = self._studio.queue.running()
+        told = [tr("Otherwise the grains and avatars since the last save are lost.")]
+        if running is not None:
+            told.insert(0, tr("“{task}” is still running and will be stopped.", task=running.title))
+        self._then = then
+        question = tr("Save the changes to “{project}”?", project=self._space.title)
+        self.leaving.ask(question, " ".join(told))
+
+    def _leave(self, answer: str) -> None:
+        """Do what was answered; work may have been done or saved since the question was asked."""
+        then, self._then = self._then, None
+        if answer == "save":
+            # What a fit has reached so far comes into the project, then into the file.
+            stopped = [station.stop_and_keep() for station in self._stations]
+            if not any(stopped):
+                self._studio.queue.cancel_all("work")
+            path = self._space.project.path
+            if path is None:
+                self.save_as(after=then)
+            else:
+                self._work.save(path, after=then)
+        elif answer == "discard" and then is not None:
+            then()

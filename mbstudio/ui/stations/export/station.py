@@ -1,0 +1,58 @@
+"""Station Export: avatars are written for a DEM engine."""
+
+from __future__ import annotations
+
+from mbstudio.ui.commands import Command
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.stations.export.display import ExportDisplay
+from mbstudio.ui.stations.export.link import ExportLink
+from mbstudio.ui.stations.export.panel import ExportPanel
+from mbstudio.ui.stations.export.work import ExportWork
+from mbstudio.ui.stations.station import Station
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
+
+
+class ExportStation(Station):
+    """Writes DEM files, shows beforehand what they hold, and makes specimens."""
+
+    id, icon, guide = "export", "ph.export", "Export"
+    title, tip = mark("Export"), mark("Write DEM files")
+
+    def __init__(self, studio: Studio, view: SceneView) -> None:
+        super().__init__(studio, view)
+        self.work = ExportWork(studio.workspace, studio.queue, self)
+        self.panel: ExportPanel = ExportPanel(studio.workspace, studio.offers, studio.theme, studio.icons)
+        self.display: ExportDisplay = ExportDisplay(studio.workspace)
+        self.link = ExportLink(self, studio, view, self.display, self.panel)
+
+    def commands(self) -> list[Command]:
+        return [
+            Command(
+                id="export.run",
+                title=tr("Export avatars"),
+                run=self.export,
+                menu="Fit",
+                shortcut="Ctrl+E",
+                icon="ph.export",
+                tip=tr("Write the avatars for the DEM engine chosen at station Export"),
+                enabled=lambda: self.panel.is_ready,
+                separated=True,
+            ),
+        ]
+
+    def wire(self) -> None:
+        self.hear(self.work)
+        self.panel.export_asked.connect(lambda: self.studio.commands.run("export.run"))
+
+    def enter(self) -> None:
+        self.link.entered()
+
+    def leave(self) -> None:
+        self.link.left()
+
+    def export(self) -> None:
+        """Export as the panel says."""
+        if self.panel.folder_path is not None:
+            self.studio.enter(self.id)
+            self.panel.start(self.work)

@@ -1,0 +1,103 @@
+"""The commands of the menu Fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mbstudio.ui.commands import Command
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.fit.link import FitLink
+from mbstudio.ui.stations.fit.work import FitWork
+from mbstudio.ui.widgets.dock_frame import DockFrame
+from mbstudio.ui.workspace import Workspace
+
+
+def fit_commands(
+    space: Workspace,
+    work: FitWork,
+    link: FitLink,
+    curve: DockFrame,
+    sweep: DockFrame,
+    show_sweep: Callable[[bool], object],
+) -> list[Command]:
+    """Return the commands of station Fit."""
+    return [
+        *_search(space, work, link),
+        Command(
+            id="fit.sweep",
+            title=tr("Sweep over n"),
+            run=show_sweep,
+            menu="Fit",
+            shortcut="Ctrl+Shift+N",
+            icon="ph.chart-line",
+            tip=tr("Loss and errors of the chosen grains against n, at station Fit"),
+            enabled=lambda: space.state.grains is not None,
+            checked=lambda: not sweep.isHidden(),
+        ),
+        curve.command(
+            tr("Convergence curve"), tr("Show or hide the convergence curve"), icon="ph.chart-line"
+        ),
+        Command(
+            id="view.save_curve",
+            title=tr("Save convergence curve…"),
+            run=link.ask_curve,
+            menu="Tools",
+            icon="ph.chart-line",
+            tip=tr("Save the curve of the chosen grain's fit as SVG, PNG or PDF"),
+            enabled=lambda: space.selected in space.state.fits,
+        ),
+    ]
+
+
+def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
+    return [
+        Command(
+            id="fit.grain",
+            title=tr("Fit grain"),
+            run=link.fit_grain,
+            menu="Fit",
+            shortcut="Ctrl+F",
+            icon="ph.play-circle",
+            tip=tr("Fit an avatar to the chosen grain"),
+            enabled=lambda: space.selected is not None and not work.run.is_running,
+        ),
+        Command(
+            id="fit.all",
+            title=tr("Fit all grains"),
+            run=link.fit_all,
+            menu="Fit",
+            shortcut="Ctrl+Shift+F",
+            icon="ph.fast-forward-circle",
+            tip=tr("Fit every grain inside the scan that has no avatar yet"),
+            enabled=lambda: bool(work.unfitted()) and not work.all_run.is_running,
+        ),
+        Command(
+            id="fit.pause",
+            title=tr("Pause or resume the fit"),
+            run=work.run.pause_or_resume,
+            menu="Fit",
+            shortcut="Ctrl+Space",
+            icon="ph.pause-circle",
+            tip=tr("Halt the search, or let it go on"),
+            enabled=lambda: work.run.is_running,
+            separated=True,
+        ),
+        Command(
+            id="fit.stop",
+            title=tr("Stop the fit and keep the avatar"),
+            run=work.run.stop,
+            menu="Fit",
+            icon="ph.stop-circle",
+            tip=tr("End the search with the avatar as it stands"),
+            enabled=lambda: work.run.is_running,
+        ),
+        Command(
+            id="fit.more",
+            title=tr("More generations"),
+            run=link.fit_more,
+            menu="Fit",
+            icon="ph.plus-circle",
+            tip=tr("Let the last search go on"),
+            enabled=lambda: work.can_go_on(space.selected),
+        ),
+    ]

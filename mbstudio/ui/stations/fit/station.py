@@ -1,0 +1,134 @@
+"""Station Fit: a grain becomes an avatar; how many control points are enough is swept."""
+
+from __future__ import annotations
+
+from mbstudio.ui.commands import Command
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.stations.fit.commands import fit_commands
+from mbstudio.ui.stations.fit.link import FitLink
+from mbstudio.ui.stations.fit.panel import FitPanel
+from mbstudio.ui.stations.fit.sweep_dock import SweepDock
+from mbstudio.ui.stations.fit.sweep_work import SweepWork
+from mbstudio.ui.stations.fit.work import FitWork, IntervalWork
+from mbstudio.ui.stations.station import HalfDone, Station
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.display import Display
+from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.widgets.dock_frame import DockFrame
+from mbstudio.ui.widgets.plots import ConvergenceCurve
+
+
+class FitDisplay(Display):
+    """The chosen grain with its avatar; all grains as long as none is chosen."""
+
+    @property
+    def looked_at(self) -> object:
+        return self._workspace.selected
+
+    def layers_now(self, tray: bool) -> set[str]:
+        return self.shown if self._workspace.selected is not None else self.overview()
+
+
+class FitStation(Station):
+    """Fits one grain before the eyes or many in the background.
+
+    Attributes
+    ----------
+    shows_sweep : bool
+        Whether the sweep over n is shown; it takes the curve's room.
+    """
+
+    id, icon, guide = "fit", "ph.circles-three", "Avatars"
+    title, tip = mark("Fit"), mark("Fit avatars")
+    menu = mark("Fit")
+    borrowed = ("table",)
+
+    def __init__(self, studio: Studio, view: SceneView) -> None:
+        super().__init__(studio, view)
+        space = studio.workspace
+        self.work = FitWork(space, studio.queue, self)
+        self.interval_work = IntervalWork(space, studio.queue, self)
+        self.sweep_work = SweepWork(space, studio.queue, self)
+        self.panel: FitPanel = FitPanel(space, self.work, studio.icons)
+        self.curve = ConvergenceCurve(studio.theme)
+        self.sweep_dock = SweepDock(space, self.sweep_work, studio.theme)
+        self.display = FitDisplay(
+            space,
+            ("slices", "grain", "avatar", "deviation", "points"),
+            ("grain", "avatar"),
+            compares=True,
+        )
+        self.display.opacity["grain"] = 0.6
+        self.shows_sweep = False
+        self.curve_frame = DockFrame(
+            "curve",
+            tr("Convergence"),
+            self.curve,
+            "bottom",
+            studio.icons,
+            is_wanted=lambda: space.state.grains is not None and not self.shows_sweep,
+            share=280,
+        )
+        self.sweep_frame = DockFrame(
+            "sweep",
+            tr("Sweep over n"),
+            self.sweep_dock,
+            "right",
+            studio.icons,
+            is_wanted=lambda: self.shows_sweep,
+            first_width=lambda width: max(400, width // 3),
+        )
+        self.docks = (self.curve_frame, self.sweep_frame)
+        self.link = FitLink(studio, view, self.work, self.interval_work, self.panel, self.curve)
+
+    def commands(self) -> list[Command]:
+        return fit_commands(
+            self.studio.workspace,
+            self.work,
+            self.link,
+            self.curve_frame,
+            self.sweep_frame,
+            self.show_sweep,
+        )
+
+    def wire(self) -> None:
+        self.hear(self.work, self.sweep_work, self.interval_work)
+        self.work.changed.connect(self.studio.refresh)
+        self.work.arrived.connect(self.arrived)
+        self.sweep_dock.n_chosen.connect(self.link.use_n)
+        self.panel.sweep_button.clicked.connect(lambda: self.show_sweep(True))
+        self.sweep_work.changed.connect(self.studio.refresh)
+        for button, command in (
+            (self.panel.fit_button, "fit.grain"),
+            (self.panel.all_button, "fit.all"),
+            (self.panel.pause_button, "fit.pause"),
+            (self.panel.stop_button, "fit.stop"),
+            (self.panel.more_button, "fit.more"),
+            (self.panel.before, "grains.previous"),
+            (self.panel.after, "grains.next"),
+        ):
+            self.studio.commands.bind(button, command)
+
+    def show_sweep(self, shown: bool) -> None:
+        """Show or hide the sweep over n, which takes the curve's room."""
+        self.shows_sweep = shown
+        if shown and not self.is_open:
+            self.studio.enter(self.id)
+        self.studio.arrange_docks()
+        self.studio.commands.refresh()
+
+    # ---- what the shell asks ---------------------------------------------------------------------
+
+    @property
+    def half_done(self) -> HalfDone | None:
+        fits = self.work.arrived_fits
+        return HalfDone(tuple(fits.values()), lambda state: state.with_fits(fits)) if fits else None
+
+    @property
+    def has_unsaved_work(self) -> bool:
+        return bool(self.work.arrived_fits) or self.work.run.is_running
+
+    def stop_and_keep(self) -> bool:
+        runs = self.work.run.is_running
+        self.work.run.stop()
+        return runs

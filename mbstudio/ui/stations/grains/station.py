@@ -1,0 +1,125 @@
+"""Station Grains: the grains of a scan are told apart, and listed in a table."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from mbstudio.core.errors import MbstudioError
+from mbstudio.ui.commands import Command
+from mbstudio.ui.language import mark, tr
+from mbstudio.ui.stations.grains.link import GrainLink
+from mbstudio.ui.stations.grains.panel import GrainPanel
+from mbstudio.ui.stations.grains.table import GrainTable
+from mbstudio.ui.stations.grains.work import GrainWork
+from mbstudio.ui.stations.station import Station
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.display import GrainsDisplay
+from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.widgets.dock_frame import DockFrame
+
+
+class GrainStation(Station):
+    """Finds grains, or takes labels made elsewhere."""
+
+    id, icon, guide = "grains", "ph.polygon", "Grains"
+    title, tip = mark("Grains"), mark("Find the grains")
+    menu = mark("Grains")
+
+    def __init__(self, studio: Studio, view: SceneView) -> None:
+        super().__init__(studio, view)
+        space = studio.workspace
+        self.work = GrainWork(space, studio.queue, self)
+        self.panel: GrainPanel = GrainPanel(space, studio.theme)
+        self.table = GrainTable()
+        self.display = GrainsDisplay(space, ("slices", "volume", "grains"), ("grains",), shows_slices=True)
+        self.table_frame = DockFrame(
+            "table",
+            tr("Grains"),
+            self.table,
+            "bottom",
+            studio.icons,
+            is_wanted=lambda: space.state.grains is not None,
+            first_height=230,
+            share=580,
+        )
+        self.docks = (self.table_frame,)
+        self.link = GrainLink(studio, view, self.work, self.panel, self.table)
+
+    def commands(self) -> list[Command]:
+        space = self.studio.workspace
+        return [
+            Command(
+                id="grains.find",
+                title=tr("Find grains"),
+                run=self.find,
+                menu="Grains",
+                shortcut="Ctrl+G",
+                icon="ph.magnifying-glass",
+                tip=tr("Tell the grains of the scan apart"),
+                enabled=self._can_find,
+            ),
+            Command(
+                id="grains.load",
+                title=tr("Load labels…"),
+                run=self.link.ask_labels,
+                menu="Grains",
+                icon="ph.folder-open",
+                tip=tr("Take a label image made elsewhere"),
+                enabled=self._can_find,
+            ),
+            Command(
+                id="grains.next",
+                title=tr("Next grain"),
+                run=partial(self.link.step, 1),
+                menu="Grains",
+                shortcut="Ctrl+Down",
+                icon="ph.caret-down",
+                tip=tr("Choose the next row of the table"),
+                enabled=lambda: space.state.grains is not None,
+                separated=True,
+            ),
+            Command(
+                id="grains.previous",
+                title=tr("Previous grain"),
+                run=partial(self.link.step, -1),
+                menu="Grains",
+                shortcut="Ctrl+Up",
+                icon="ph.caret-up",
+                tip=tr("Choose the row above"),
+                enabled=lambda: space.state.grains is not None,
+            ),
+            Command(
+                id="grains.unselect",
+                title=tr("Choose no grain"),
+                run=partial(space.select, None),
+                menu="Grains",
+                shortcut="Ctrl+D",
+                tip=tr("Show all grains in their colours"),
+                enabled=lambda: space.selected is not None,
+            ),
+            self.table_frame.command(
+                tr("Table of grains"),
+                tr("Show or hide the table of grains"),
+                shortcut="Ctrl+T",
+                icon="ph.table",
+                separated=True,
+            ),
+        ]
+
+    def wire(self) -> None:
+        self.hear(self.work)
+        self.studio.commands.bind(self.panel.find_button, "grains.find")
+        self.studio.commands.bind(self.panel.load_button, "grains.load")
+
+    def _can_find(self) -> bool:
+        return self.studio.workspace.scan is not None and self.studio.queue.running() is None
+
+    def find(self) -> None:
+        """Find the grains with the panel's settings."""
+        self.studio.enter(self.id)
+        try:
+            settings = self.panel.settings()
+        except MbstudioError as error:
+            self.studio.say("error", str(error))
+            return
+        self.work.find(settings)

@@ -1,0 +1,104 @@
+"""Keeps station Scan in step with the view, and asks for what a scan file does not say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Qt
+from PySide6.QtWidgets import QFileDialog
+
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.scan.dialog import ScanDialog
+from mbstudio.ui.stations.scan.panel import ScanPanel
+from mbstudio.ui.stations.scan.work import SCAN_SUFFIXES, ScanWork
+from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.scene_view import SceneView
+
+
+class ScanLink(QObject):
+    """What happens at station Scan.
+
+    Parameters
+    ----------
+    studio : Studio
+    view : SceneView
+    work : ScanWork
+    panel : ScanPanel
+    """
+
+    def __init__(self, studio: Studio, view: SceneView, work: ScanWork, panel: ScanPanel) -> None:
+        super().__init__(studio)
+        self._studio, self._view, self._work, self._panel = studio, view, work, panel
+        panel.slice_moved.connect(view.move_slice)
+        panel.slice_switched.connect(view.switch_slice)
+        panel.window_changed.connect(view.set_window)
+        view.slices_changed.connect(self._show_slices)
+        studio.workspace.scan_changed.connect(self._show_slices_of_scan)
+        work.asked.connect(self._ask_about_scan)
+        work.missing.connect(self._tell_missing_scan)
+
+    def _show_slices(self) -> None:
+        slices = self._view.scene.layers.slices.planes
+        if slices is not None and self._studio.workspace.scan is not None:
+            for axis, slider in self._panel.sliders.items():
+                slider.set_index(slices.index[axis])
+            self._panel.show_window(*slices.window)
+
+    def _show_slices_of_scan(self) -> None:
+        slices = self._view.scene.layers.slices.planes
+        if slices is not None:
+            self._panel.show_window(*slices.window)
+
+    # ---- files -----------------------------------------------------------------------------------
+
+    def ask_scan(self) -> None:
+        """Let the person choose a scan file."""
+        kinds = " ".join(f"*{suffix}" for suffix in SCAN_SUFFIXES)
+        name, _ = QFileDialog.getOpenFileName(
+            self._studio.host,
+            tr("Open scan"),
+            self._studio.path_for(),
+            tr("CT scans ({endings});;All files (*)", endings=kinds),
+        )
+        if name:
+            self._work.open(Path(name))
+
+    def ask_folder(self) -> None:
+        """Let the person choose a folder of slices."""
+        name = QFileDialog.getExistingDirectory(
+            self._studio.host, tr("Open folder of slices"), self._studio.path_for()
+        )
+        if name:
+            self._work.open(Path(name))
+
+    def _ask_about_scan(self, path: Path, why: str, raw: bool) -> None:
+        """Ask for what a scan file does not say."""
+        dialog = ScanDialog(path, why, raw, self._studio.host)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.answered.connect(self._work.open_answered)
+        dialog.open()
+
+    def _tell_missing_scan(self, why: str) -> None:
+        """Say that the project's scan is missing, and offer to tell where it is; work goes on without."""
+        self._studio.say(
+            "warning",
+            tr("{why} Grains and avatars are there all the same.", why=why),
+            tr("Locate…"),
+            self.ask_missing_scan,
+        )
+
+    def ask_missing_scan(self) -> None:
+        """Let the person say where the project's scan lies now."""
+        reference = self._studio.workspace.state.scan
+        if reference is None:
+            return
+        host, folder = self._studio.host, self._studio.path_for()
+        if reference.path is not None and not reference.path.suffix:
+            name = QFileDialog.getExistingDirectory(host, tr("Where are the slices?"), folder)
+        else:
+            title = tr("Where is the project's scan?")
+            if reference.path is not None:
+                title = tr("Where is the project's scan ({name})?", name=reference.path.name)
+            name, _ = QFileDialog.getOpenFileName(host, title, folder, tr("All files (*)"))
+        if name:
+            self._work.relocate(Path(name))
