@@ -28,7 +28,9 @@ def fault_of_figure(path: Path) -> str:
     """Return why a file cannot hold a figure, nothing if it can."""
     if path.suffix.lower() in FIGURES:
         return ""
-    return tr("{path} has no ending of a figure: use {endings}.", path=path, endings=", ".join(FIGURES))
+    return tr(
+        "{path} does not have the ending of a figure. Use {endings}.", path=path, endings=", ".join(FIGURES)
+    )
 
 
 def draw_figure(queue: TaskQueue, make: Callable[[], Figure], path: Path | None = None) -> Task:

@@ -61,7 +61,7 @@ def test_a_bad_file_is_one_message_and_the_project_stays(segmented, idle, bad_fi
     assert window.messages.level == "error"
     assert name in window.messages.text
     assert "Traceback" not in window.messages.text
-    assert "mistake in mbstudio" not in window.messages.text
+    assert "bug in mbstudio" not in window.messages.text
     assert window.workspace.state is before
 
 

@@ -156,7 +156,7 @@ class AutosaveWork(Work):
             self.said.emit(
                 "warning",
                 tr(
-                    "Autosave does not work: {error} Save the project yourself until this is mended.",
+                    "Autosave failed: {error} Save the project yourself until autosave works again.",
                     error=error,
                 ),
             )

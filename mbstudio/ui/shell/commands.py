@@ -85,7 +85,7 @@ def file_commands(
             run=lambda: shell.restore(),
             menu="File",
             icon="ph.clock-counter-clockwise",
-            tip=tr("Bring back what was worked on when the program ended early"),
+            tip=tr("Restore the work that was open when the program crashed"),
             enabled=lambda: bool(shell.autosaves.leftovers),
         ),
     ]
@@ -101,7 +101,7 @@ def _project_commands(files: ProjectFiles, studio: Studio) -> list[Command]:
             menu="File",
             shortcut="Ctrl+N",
             icon="ph.file",
-            tip=tr("Begin with an empty project"),
+            tip=tr("Start with an empty project"),
             separated=True,
         ),
         Command(
@@ -120,7 +120,7 @@ def _project_commands(files: ProjectFiles, studio: Studio) -> list[Command]:
             menu="File",
             shortcut="Ctrl+S",
             icon="ph.floppy-disk",
-            tip=tr("Write the project to its file"),
+            tip=tr("Save the project to its file"),
             enabled=lambda: space.is_modified and space.can_be_saved,
         ),
         Command(
@@ -129,7 +129,7 @@ def _project_commands(files: ProjectFiles, studio: Studio) -> list[Command]:
             run=files.save_as,
             menu="File",
             shortcut="Ctrl+Shift+S",
-            tip=tr("Write the project to another file"),
+            tip=tr("Save the project to another file"),
             enabled=lambda: space.can_be_saved,
         ),
     ]
@@ -145,7 +145,7 @@ def edit_commands(studio: Studio, undo: Undo, shell: Shell) -> list[Command]:
             menu="Edit",
             shortcut="Ctrl+Z",
             icon="ph.arrow-counter-clockwise",
-            tip=tr("Take the last change back"),
+            tip=tr("Undo the last change"),
             enabled=lambda: undo.undo_title is not None,
         ),
         Command(
@@ -155,7 +155,7 @@ def edit_commands(studio: Studio, undo: Undo, shell: Shell) -> list[Command]:
             menu="Edit",
             shortcut="Ctrl+Shift+Z",
             icon="ph.arrow-clockwise",
-            tip=tr("Make the last undone change again"),
+            tip=tr("Redo the change that was undone last"),
             enabled=lambda: undo.redo_title is not None,
         ),
         Command(
@@ -165,7 +165,7 @@ def edit_commands(studio: Studio, undo: Undo, shell: Shell) -> list[Command]:
             menu="Edit",
             shortcut="Ctrl+.",
             icon="ph.x-circle",
-            tip=tr("Stop what is shown in the status bar"),
+            tip=tr("Stop the task shown in the status bar"),
             enabled=lambda: studio.queue.running() is not None,
             separated=True,
         ),
@@ -175,12 +175,12 @@ def edit_commands(studio: Studio, undo: Undo, shell: Shell) -> list[Command]:
             run=studio.messages.dismiss,
             menu="Edit",
             shortcut="Esc",
-            tip=tr("Take the message above the view away"),
+            tip=tr("Close the message above the view"),
             enabled=lambda: bool(studio.messages.text),
         ),
         shell.history_frame.command(
             tr("History"),
-            tr("Show all changes; a click goes back or forth to one"),
+            tr("Show all changes; click one to return to it"),
             shortcut="Ctrl+H",
             icon="ph.clock-counter-clockwise",
             show=shell.show_history,
@@ -223,7 +223,7 @@ def panel_commands(
             title=tr("Reset layout"),
             run=reset_layout,
             menu="View",
-            tip=tr("Put the panels back"),
+            tip=tr("Reset the size and place of all panels"),
         ),
         *_theme_commands(studio),
         shell.gallery_link.frame.command(
@@ -235,7 +235,7 @@ def panel_commands(
         ),
         shell.log_frame.command(
             tr("Messages and log"),
-            tr("Show or hide what was said so far"),
+            tr("Show or hide all messages so far"),
             shortcut="Ctrl+Shift+M",
             icon="ph.list-bullets",
             show=shell.show_log,
@@ -289,7 +289,7 @@ def help_commands(
             menu="Help",
             shortcut="F1",
             icon="ph.question",
-            tip=tr("Open the user guide where it speaks of the station that is open"),
+            tip=tr("Open the user guide at the section on this station"),
         ),
         Command(
             id="help.shortcuts",
@@ -306,7 +306,7 @@ def help_commands(
             run=shell.start_tour,
             menu="Help",
             icon="ph.map-trifold",
-            tip=tr("Show what stands where"),
+            tip=tr("Show where everything is"),
         ),
         Command(
             id="help.palette",

@@ -41,12 +41,12 @@ class HistoryList(QListWidget):
             item.setData(Qt.ItemDataRole.UserRole, position)
             if position > history.position:
                 item.setForeground(faint)
-                item.setToolTip(tr("Undone; click to make it again"))
+                item.setToolTip(tr("Undone; click to redo"))
             elif position == history.position:
                 font = item.font()
                 font.setBold(True)
                 item.setFont(font)
-                item.setToolTip(tr("The project stands here"))
+                item.setToolTip(tr("Current state of the project"))
             else:
                 item.setToolTip(tr("Click to go back to here"))
             here = position == history.position

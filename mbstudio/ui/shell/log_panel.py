@@ -149,7 +149,7 @@ class LogPanel(QFrame):
             icon, colour = _SIGNS[min(max(line.level // 10 * 10, logging.DEBUG), logging.ERROR)]
             self.list.addItem(QListWidgetItem(self._icons.get(icon, colour), f"{_clock(line)}   {line.text}"))
         if not self.list.count():
-            item = QListWidgetItem(tr("Nothing of this level was said yet."))
+            item = QListWidgetItem(tr("No messages of this level yet."))
             item.setFlags(Qt.ItemFlag.NoItemFlags)
             self.list.addItem(item)
         self.list.scrollToBottom()

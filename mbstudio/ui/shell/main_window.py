@@ -280,7 +280,7 @@ class MainWindow(QMainWindow):
             self.messages.say(
                 "error",
                 tr(
-                    "{task} failed by a mistake in mbstudio ({kind}: {error}).",
+                    "{task} failed because of a bug in mbstudio ({kind}: {error}).",
                     task=task.title,
                     kind=type(error).__name__,
                     error=error,

@@ -92,7 +92,7 @@ class ProjectFiles(QObject):
             then()
             return
         running = self._studio.queue.running()
-        told = [tr("Otherwise the grains and avatars since the last save are lost.")]
+        told = [tr("If you do not save, the grains and avatars found since the last save are lost.")]
         if running is not None:
             told.insert(0, tr("“{task}” is still running and will be stopped.", task=running.title))
         self._then = then

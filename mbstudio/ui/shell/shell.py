@@ -84,7 +84,7 @@ class Shell(QObject):
         self._preferences: Preferences | None = None
         self._tour: TourCard | None = None
         self.memory_label = QLabel()
-        self.memory_label.setToolTip(tr("Memory that MetaBall Studio holds"))
+        self.memory_label.setToolTip(tr("Memory used by MetaBall Studio"))
         self._watch = QTimer(self)
         self._watch.timeout.connect(self._show_memory)
         for station in stations:
@@ -159,7 +159,7 @@ class Shell(QObject):
             self._studio.say(
                 "warning",
                 tr(
-                    "MetaBall Studio ended before “{project}” was saved ({age}).",
+                    "MetaBall Studio closed unexpectedly before “{project}” was saved ({age}).",
                     project=note.title,
                     age=age(note.saved),
                 ),
@@ -244,8 +244,8 @@ _TOUR = (
     (
         mark("From a scan to particles"),
         mark(
-            "MetaBall Studio finds the grains of a CT scan and fits a body to each that DEM can "
-            "calculate with. Without a scan at hand, “Try the sample” makes one."
+            "MetaBall Studio finds the grains in a CT scan and fits to each of them a body for "
+            "DEM. If you have no scan at hand, click “Try the sample”."
         ),
         "",
     ),
@@ -260,25 +260,25 @@ _TOUR = (
     (
         mark("One panel, one main action"),
         mark(
-            "Settings of the station stand here, its blue button at the foot does the work. The "
-            "question mark opens the guide where it speaks of this station."
+            "The settings of the station are here. The blue button at the bottom starts the work. "
+            "The question mark opens the guide at this station."
         ),
         "panels",
     ),
     (
         mark("One selection everywhere"),
         mark(
-            "A click on a grain in the view, in the table or in a plot chooses it in all of them. "
-            "Drag to turn the view, use the wheel to zoom."
+            "Click a grain in the view, the table or a plot to select it in all of them. Drag to "
+            "turn the view, use the wheel to zoom."
         ),
         "pages",
     ),
     (
         mark("Nothing gets lost"),
         mark(
-            "Work runs in the background and can be cancelled at the lower edge. Everything can be "
-            "undone, and after a crash you are offered what was not saved. Press ? for all shortcuts, "
-            "Ctrl+K for any command."
+            "Work runs in the background; cancel it in the status bar. Everything can be undone, "
+            "and unsaved work is offered again after a crash. Press ? for all shortcuts, Ctrl+K "
+            "for any command."
         ),
         "status",
     ),

@@ -24,7 +24,7 @@ class TaskStrip(QWidget):
         self._left = QLabel()
         self._queued = QToolButton()
         self._queued.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        self._queued.setToolTip(tr("Tasks that wait; choose one to take it out"))
+        self._queued.setToolTip(tr("Waiting tasks; click one to remove it"))
         self._queued.setAccessibleName(tr("Waiting tasks"))
         self.waiting_menu = QMenu(self._queued)
         self.waiting_menu.aboutToShow.connect(self._list_waiting)

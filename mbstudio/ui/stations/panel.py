@@ -28,7 +28,7 @@ class Panel(QFrame):
         self.body.setContentsMargins(20, 18, 20, 18)
         self.body.setSpacing(10)
         self.help = QToolButton()
-        self.help.setToolTip(tr("What the guide says about station {title} (F1)", title=title))
+        self.help.setToolTip(tr("Open the guide at station {title} (F1)", title=title))
         self.help.setAccessibleName(tr("Guide: {title}", title=title))
         head = QHBoxLayout()
         head.addWidget(label(title, "title"), 1)

@@ -100,7 +100,7 @@ class Comparison(QObject):
                     tr("Grain") if label is None else tr("Grain {label}", label=label),
                     None if grain is None else grain_surface(grain),
                     "grain",
-                    tr("No grain is chosen."),
+                    tr("No grain is selected."),
                 ),
                 Column(
                     tr("Avatar") if fit is None else tr("Avatar, n = {n}", n=fit.avatar.n),

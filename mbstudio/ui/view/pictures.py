@@ -99,7 +99,7 @@ class Pictures(QObject):
         except OSError as error:
             self._studio.say(
                 "error",
-                tr("{path} cannot be written ({error}): choose another folder.", path=path, error=error),
+                tr("{path} cannot be written ({error}). Choose another folder.", path=path, error=error),
             )
         else:
             self._studio.say("success", tr("Saved the view as {path}.", path=path))

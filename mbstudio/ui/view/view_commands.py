@@ -33,7 +33,7 @@ def view_commands(view: SceneView) -> list[Command]:
         menu="View",
         shortcut="Home",
         icon="ph.frame-corners",
-        tip=tr("Bring all that is shown into the picture"),
+        tip=tr("Fit everything that is shown into the view"),
         enabled=has_content,
         separated=True,
     )

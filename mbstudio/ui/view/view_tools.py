@@ -11,8 +11,8 @@ from mbstudio.ui.view.clip_bar import ClipBar
 from mbstudio.ui.view.scene_view import SceneView
 
 _HINTS = {
-    "distance": mark("Measure a distance: click two points of a surface or slice. Esc ends."),
-    "angle": mark("Measure an angle: click a point, the corner, and a third point. Esc ends."),
+    "distance": mark("Measure a distance: click two points of a surface or slice. Press Esc to stop."),
+    "angle": mark("Measure an angle: click a point, the vertex and a third point. Press Esc to stop."),
 }
 _MEASURED = {"distance": mark("Distance {value}."), "angle": mark("Angle {value}.")}
 
@@ -75,7 +75,7 @@ class ViewTools(QObject):
             return
         hit = self._scene.pick(x, y)
         if hit is None:
-            self._studio.give_hint(tr("There is no surface or slice under the mouse."))
+            self._studio.give_hint(tr("There is no surface or slice under the cursor."))
             return
         measurement = self._scene.measurements.add_point(self.measuring, hit.point)
         if measurement.is_complete:
@@ -83,7 +83,7 @@ class ViewTools(QObject):
             words = f"{measured} {tr(_HINTS[self.measuring])}"
         else:
             words = tr(
-                "Point {point} of {points}. Esc ends.",
+                "Point {point} of {points}. Press Esc to stop.",
                 point=len(measurement.points),
                 points=POINTS[self.measuring],
             )

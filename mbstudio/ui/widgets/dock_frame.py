@@ -107,7 +107,9 @@ class DockFrame(QDockWidget):
         layout.addWidget(label(self.windowTitle(), "heading"), 1)
         self.close_button = QToolButton()
         icons.set(self.close_button, "ph.x")
-        self.close_button.setToolTip(tr("Hide (menu View brings “{panel}” back)", panel=self.windowTitle()))
+        self.close_button.setToolTip(
+            tr("Hide (show “{panel}” again from menu View)", panel=self.windowTitle())
+        )
         self.close_button.setAccessibleName(tr("Hide {panel}", panel=self.windowTitle()))
         self.close_button.clicked.connect(self.hide)
         layout.addWidget(self.close_button)

@@ -155,7 +155,7 @@ class ValueSlider(QWidget):
         layout.addWidget(self.box, 1, 2)
         layout.addWidget(self.lock, 1, 3)
         layout.setColumnStretch(1, 1)
-        middle = tr("A double click leads back to the middle.")
+        middle = tr("Double-click to return to the middle.")
         for widget in (self._name, self.slider):
             widget.setToolTip(f"{tip}\n{middle}".strip())
         self.slider.valueChanged.connect(self._slid)

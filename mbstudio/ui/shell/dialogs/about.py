@@ -59,7 +59,7 @@ class AboutBox(QDialog):
         versions.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         layout.addWidget(versions)
         copy = QPushButton(tr("Copy system information"))
-        copy.setToolTip(tr("Versions, graphics, processors and memory, for a report of a mistake"))
+        copy.setToolTip(tr("Versions, graphics, processors and memory, for a bug report"))
         copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(text))
         close = primary_button(tr("Close"))
         close.clicked.connect(self.accept)

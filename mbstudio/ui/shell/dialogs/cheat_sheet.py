@@ -18,7 +18,7 @@ _MOUSE = (
     (mark("Move the view"), mark("Shift + drag")),
     (mark("Zoom"), mark("wheel")),
     (mark("Choose a grain"), mark("click")),
-    (mark("Add to what is chosen"), mark("Ctrl + click")),
+    (mark("Add to the selection"), mark("Ctrl + click")),
 )
 
 

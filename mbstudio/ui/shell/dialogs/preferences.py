@@ -50,16 +50,16 @@ class Preferences(QDialog):
         self.layout_kept.setChecked(is_on(workspace, "layout/kept"))
         self.layout_kept.toggled.connect(lambda on: workspace.settings.setValue("layout/kept", int(on)))
         self.layout_kept.setToolTip(
-            tr("Sizes of panels, what is hidden at which station, and where the camera stands")
+            tr("Sizes of panels, which are hidden at each station, and the camera position")
         )
         forget = QHBoxLayout()
         layout = QVBoxLayout(self)
         layout.setContentsMargins(26, 22, 26, 18)
         layout.setSpacing(10)
         layout.addWidget(label(tr("Preferences"), "title"))
-        layout.addWidget(label(tr("Each takes effect at once."), "subtitle"))
+        layout.addWidget(label(tr("Changes take effect immediately."), "subtitle"))
         layout.addSpacing(4)
-        layout.addWidget(row(tr("Theme"), self.theme, tr("Light or dark, or as the system is set")))
+        layout.addWidget(row(tr("Theme"), self.theme, tr("Light, dark, or the same as the system")))
         layout.addWidget(
             row(
                 tr("Processes"),
@@ -71,7 +71,7 @@ class Preferences(QDialog):
             row(
                 tr("Autosave every"),
                 self.seconds,
-                tr("After a change, what is not saved is written beside the project this often"),
+                tr("How often unsaved changes are written to the recovery file"),
                 "s",
             )
         )

@@ -227,7 +227,7 @@ class ExportLink(QObject):
         if sketch.kinds < sketch.of:
             words.append(
                 tr(
-                    "Drawn with {measured} of the {count} avatars; the export takes all.",
+                    "Drawn with {measured} of the {count} avatars; the export uses all of them.",
                     measured=sketch.kinds,
                     count=sketch.of,
                 )

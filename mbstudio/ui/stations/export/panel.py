@@ -55,7 +55,7 @@ class ExportPanel(Panel):
     shape_changed = Signal()
 
     def __init__(self, workspace: Workspace, offers: Offers, theme: Theme, icons: Icons) -> None:
-        super().__init__(tr("Export"), tr("Hand the avatars over to a DEM engine."))
+        super().__init__(tr("Export"), tr("Export the avatars to a DEM engine."))
         self._workspace, self._offers = workspace, offers
         self.target = QComboBox()
         for name, target in targets().items():
@@ -76,7 +76,7 @@ class ExportPanel(Panel):
         self.overwrite = QCheckBox(tr("The folder may hold other files"))
         self.export_button = primary_button(tr("Export"))
         self._density_row = row(
-            tr("Density"), self.density, tr("Of the grains' mineral: quartz 2650"), "kg/m³"
+            tr("Density"), self.density, tr("Density of the grains' mineral: 2650 for quartz"), "kg/m³"
         )
         self.options = TargetForm()
         self.preview = PreviewCard(icons)
@@ -85,7 +85,7 @@ class ExportPanel(Panel):
         self._hint = label("", "hint", wrap=True)
 
         self.add(label(tr("Target"), "key"), self.target)
-        self.add(row(tr("Avatars"), self.selection, tr("Which avatars are written")))
+        self.add(row(tr("Avatars"), self.selection, tr("Which avatars to export")))
         self.add(row(tr("Unit of the files"), self.unit, tr("All lengths in the files are in this unit")))
         self.add(self._density_row, self.options, self.preview)
         self.add_heading(tr("Specimen"))
@@ -252,9 +252,9 @@ class ExportPanel(Panel):
         if not self._workspace.state.fits and not self.count:
             text = tr("No avatars yet: fit some grains first (station Fit).")
         elif not self.count:
-            text = tr("None of the avatars is valid: fit again with more control points, or choose “All”.")
+            text = tr("No avatar is valid. Fit again with more control points, or choose “All”.")
         elif fault:
-            text = tr("The sieve curve of the specimen is not complete yet.")
+            text = tr("The sieve curve of the specimen is incomplete.")
         elif self.folder_path is None:
             text = tr("Choose a folder for the files.")
         else:

@@ -31,7 +31,7 @@ class PreviewCard(QFrame):
         self.setObjectName("card")
         self.switch = QCheckBox(tr("Preview"))
         self.switch.setChecked(True)
-        self.switch.setToolTip(tr("Show one avatar with what stands for it in the export"))
+        self.switch.setToolTip(tr("Show one avatar together with its shape in the export"))
         self.name = label("", "key")
         head = QHBoxLayout()
         head.setSpacing(2)
@@ -105,7 +105,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             (
                 mark("IoU"),
                 f"{figures['iou']:.4f}",
-                mark("Volume shared by clump and avatar over that of both together"),
+                mark("Shared volume of clump and avatar over the volume of their union"),
             ),
             (mark("Volume error"), _percent(figures["volume_error"]), mark("Of the union of spheres")),
             (
@@ -117,7 +117,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             (
                 mark("Smallest radius"),
                 _length(preview, "smallest_radius_length"),
-                mark("It decides the time step of most engines"),
+                mark("It limits the time step in most engines"),
             ),
         ]
     if preview.geometry == "mesh":
@@ -158,7 +158,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             (mark("Volume error"), _percent(figures["volume_error"]), mark("Of the zero of the distances")),
         ]
     return [
-        (mark("Control points"), f"{figures['control_points']:.0f}", mark("The avatar goes across as it is"))
+        (mark("Control points"), f"{figures['control_points']:.0f}", mark("The avatar is exported unchanged"))
     ]
 
 
@@ -167,7 +167,7 @@ def _hausdorff(preview: ExportPreview) -> tuple[str, str, str]:
     return (
         mark("Hausdorff"),
         tr("{length} ({share} of Dₙ)", length=length, share=share),
-        mark("Largest distance of both surfaces"),
+        mark("Largest distance between the two surfaces"),
     )
 
 

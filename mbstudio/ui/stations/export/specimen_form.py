@@ -103,8 +103,8 @@ class SpecimenForm(QWidget):
         self.switch = QCheckBox(tr("Fill a specimen"))
         self.switch.setToolTip(
             tr(
-                "Particles of a wanted sieve curve, made from the avatars: a table for every "
-                "target, and decks that pour them for LIGGGHTS and LAMMPS"
+                "Particles that follow a given sieve curve, made from the avatars: a table for every "
+                "target, and input decks that pour them for LIGGGHTS and LAMMPS"
             )
         )
         self.count = QSpinBox()
@@ -128,9 +128,9 @@ class SpecimenForm(QWidget):
         self.summary = label("", "hint", wrap=True)
         self.refusal = label("", "refusal", wrap=True)
         more, less, own = (quiet_button(text) for text in (tr("Add"), tr("Remove"), tr("As the avatars")))
-        more.setToolTip(tr("Add a size below the row"))
+        more.setToolTip(tr("Add a row below"))
         less.setToolTip(tr("Remove the row"))
-        own.setToolTip(tr("Take the sieve curve of the avatars that are exported"))
+        own.setToolTip(tr("Use the sieve curve of the exported avatars"))
         more.clicked.connect(self.add_row)
         less.clicked.connect(self.remove_row)
         own.clicked.connect(self.sizes_asked)
@@ -144,7 +144,7 @@ class SpecimenForm(QWidget):
         inside.setContentsMargins(0, 0, 0, 0)
         inside.setSpacing(10)
         inside.addWidget(
-            row(tr("Particles"), self.count, tr("Avatars, scaled to their sizes and turned at random"))
+            row(tr("Particles"), self.count, tr("Avatars, scaled to their sizes and randomly rotated"))
         )
         inside.addWidget(row(tr("Sizes in"), self.unit, tr("Of the curve and of the box's width")))
         inside.addWidget(self.table)
@@ -202,7 +202,7 @@ class SpecimenForm(QWidget):
             except ValueError as error:
                 raise ExportError(
                     tr(
-                        "Row {row} of the sieve curve holds '{words}': write a size and a percentage.",
+                        "Row {row} of the sieve curve contains '{words}'. Enter a size and a percentage.",
                         row=place + 1,
                         words=" ".join(words),
                     )

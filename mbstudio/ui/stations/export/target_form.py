@@ -26,11 +26,11 @@ _AIMS = (
 _TIPS = {
     "": mark("Every grain gets this many spheres"),
     "iou": mark(
-        "Volume that clump and avatar share over the volume of both together; as few spheres as will do"
+        "Shared volume of clump and avatar over the volume of their union, with as few spheres as possible"
     ),
-    "hausdorff": mark("Largest distance of both surfaces over Dₙ; as few spheres as will do"),
-    "volume": mark("Error of the clump's volume; as few spheres as will do"),
-    "inertia": mark("Error of the clump's inertia tensor; as few spheres as will do"),
+    "hausdorff": mark("Largest distance between the two surfaces over Dₙ, with as few spheres as possible"),
+    "volume": mark("Error of the clump's volume, with as few spheres as possible"),
+    "inertia": mark("Error of the clump's inertia tensor, with as few spheres as possible"),
 }
 
 
@@ -62,13 +62,13 @@ class ClumpChoice(QWidget):
         self._number_row = row(tr("Spheres in each clump"), self.number, tr(_TIPS[""]))
         self._limit_row = row(tr("Limit"), self.limit, "")
         self._most_row = row(
-            tr("Spheres at most"), self.most, tr("Where these do not reach it, the best is taken")
+            tr("Spheres at most"), self.most, tr("If this many do not reach the goal, the best clump is used")
         )
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
         by = row(
-            tr("Choose spheres by"), self.by, tr("Their number, or what the clump of each grain is to reach")
+            tr("Choose spheres by"), self.by, tr("Number of spheres, or the goal for the clump of each grain")
         )
         for part in (
             by,

@@ -30,7 +30,7 @@ def fit_commands(
             menu="Fit",
             shortcut="Ctrl+Shift+N",
             icon="ph.chart-line",
-            tip=tr("Loss and errors of the chosen grains against n, at station Fit"),
+            tip=tr("Loss and errors of the selected grains against n, at station Fit"),
             enabled=lambda: space.state.grains is not None,
             checked=lambda: not sweep.isHidden(),
         ),
@@ -43,7 +43,7 @@ def fit_commands(
             run=link.ask_curve,
             menu="Tools",
             icon="ph.chart-line",
-            tip=tr("Save the curve of the chosen grain's fit as SVG, PNG or PDF"),
+            tip=tr("Save the curve of the selected grain's fit as SVG, PNG or PDF"),
             enabled=lambda: space.selected in space.state.fits,
         ),
     ]
@@ -58,7 +58,7 @@ def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
             menu="Fit",
             shortcut="Ctrl+F",
             icon="ph.play-circle",
-            tip=tr("Fit an avatar to the chosen grain"),
+            tip=tr("Fit an avatar to the selected grain"),
             enabled=lambda: space.selected is not None and not work.run.is_running,
         ),
         Command(
@@ -78,7 +78,7 @@ def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
             menu="Fit",
             shortcut="Ctrl+Space",
             icon="ph.pause-circle",
-            tip=tr("Halt the search, or let it go on"),
+            tip=tr("Pause the search, or resume it"),
             enabled=lambda: work.run.is_running,
             separated=True,
         ),
@@ -88,7 +88,7 @@ def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
             run=work.run.stop,
             menu="Fit",
             icon="ph.stop-circle",
-            tip=tr("End the search with the avatar as it stands"),
+            tip=tr("Stop the search and keep the avatar found so far"),
             enabled=lambda: work.run.is_running,
         ),
         Command(
@@ -97,7 +97,7 @@ def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
             run=link.fit_more,
             menu="Fit",
             icon="ph.plus-circle",
-            tip=tr("Let the last search go on"),
+            tip=tr("Continue the last search"),
             enabled=lambda: work.can_go_on(space.selected),
         ),
     ]

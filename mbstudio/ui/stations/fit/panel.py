@@ -55,7 +55,7 @@ class FitPanel(Panel):
         self.refresh()
 
     def _make_head(self) -> None:
-        self._name = label(tr("No grain chosen"), "figure")
+        self._name = label(tr("No grain selected"), "figure")
         self._facts = label("", "hint", wrap=True)
         self.before, self.after = QToolButton(), QToolButton()
         for button, icon, words in (
@@ -85,9 +85,10 @@ class FitPanel(Panel):
         self.target.setClearButtonEnabled(True)
         self.target.setAccessibleName(tr("Target"))
         tip = tr(
-            "<p>What an avatar is to reach with as few control points as may be: measures and limits joined "
-            "by <i>and</i>. Errors of any factor (volume, area, sphericity, csf …), hausdorff and rms over "
-            "D<sub>n</sub> in percent, iou at least, n at most. Empty: fit with n as above.</p>"
+            "<p>The goals that an avatar must meet with as few control points as possible: "
+            "measures and limits joined by <i>and</i>. Errors of any factor (volume, area, "
+            "sphericity, csf …), hausdorff and rms over D<sub>n</sub> in percent, a lower limit "
+            "of iou, an upper limit of n. Leave empty to fit with n as above.</p>"
         )
         self.target.setToolTip(tip)
         self.refusal = label("", "refusal", wrap=True)
@@ -95,7 +96,7 @@ class FitPanel(Panel):
         self._target_shown = ""
         self.sweep_button = quiet_button(tr("Sweep over n …"))
         self.sweep_button.setToolTip(
-            tr("Try several n on the chosen grains, and see how true their avatars are")
+            tr("Fit the selected grains with several n and compare the accuracy of their avatars")
         )
         name = label(tr("Target"), "key")
         name.setBuddy(self.target)
@@ -130,8 +131,9 @@ class FitPanel(Panel):
         self.intervals_button = quiet_button(tr("Intervals of the grain"))
         self.intervals_button.setToolTip(
             tr(
-                "Between what the grain's factors lie, as its place on the voxels, threshold and blur are "
-                "uncertain. Bold errors: the avatar lies outside."
+                "The intervals within which the grain's factors lie, because its position on the "
+                "voxel grid, the threshold and the blur are uncertain. Bold errors: the avatar lies "
+                "outside the interval."
             )
         )
         self.intervals_button.setEnabled(False)
@@ -154,14 +156,14 @@ class FitPanel(Panel):
     def _make_foot(self) -> None:
         self.fit_button = primary_button(tr("Fit grain"))
         self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
-        self.stop_button.setToolTip(tr("End the search and keep the avatar as it stands"))
+        self.stop_button.setToolTip(tr("Stop the search and keep the avatar found so far"))
         self.more = QSpinBox()
         self.more.setRange(1, 10_000)
         self.more.setValue(30)
         self.more.setSuffix(tr(" generations"))
         self.more.setAccessibleName(tr("How many more generations"))
         self.more_button = QPushButton(tr("Go on"))
-        self.more_button.setToolTip(tr("Let the search go on from here, with n as set above"))
+        self.more_button.setToolTip(tr("Continue the search from here, with n as set above"))
         self.all_button = QPushButton(tr("Fit all grains"))
         self._running, self._going_on = QWidget(), QWidget()
         pairs: tuple[tuple[QWidget, tuple[QWidget, ...]], ...] = (
@@ -241,7 +243,7 @@ class FitPanel(Panel):
             self._name.setText(tr("No grains yet"))
             self._facts.setText(tr("Find the grains first (station Grains)."))
         elif label_ is None:
-            self._name.setText(tr("No grain chosen"))
+            self._name.setText(tr("No grain selected"))
             self._facts.setText(tr("Click a grain in the view or a row of the table."))
         else:
             table = grains.table
@@ -255,7 +257,9 @@ class FitPanel(Panel):
                 voxels=int(line["voxels"]),
             )
             if line["touches_border"]:
-                facts = tr("{facts}. The edge of the scan cuts it: its true shape is unknown", facts=facts)
+                facts = tr(
+                    "{facts}. The edge of the scan cuts this grain, so its true shape is unknown", facts=facts
+                )
             self._facts.setText(facts)
         running = self._work.run.is_running
         self.fit_button.setVisible(not running)

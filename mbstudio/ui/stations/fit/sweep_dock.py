@@ -55,7 +55,8 @@ def read_numbers(text: str) -> tuple[int, ...]:
         if not word.isdecimal():
             raise FitError(
                 tr(
-                    "'{word}' is no number of control points: write whole numbers, as in '{numbers}'.",
+                    "'{word}' is not a number of control points. Enter whole numbers, for example "
+                    "'{numbers}'.",
                     word=word,
                     numbers=NUMBERS,
                 )
@@ -82,7 +83,7 @@ class SweepDock(QFrame):
         self._chosen: list[str] = list(PAPER_FACTORS)
         self.numbers = QLineEdit(NUMBERS)
         self.numbers.setAccessibleName(tr("Numbers of control points to try"))
-        self.numbers.setToolTip(tr("Numbers of control points n to try, parted by commas"))
+        self.numbers.setToolTip(tr("Numbers of control points n to try, separated by commas"))
         self.grains = QComboBox()
         self.grains.setAccessibleName(tr("Grains to sweep"))
         self.grains.setToolTip(tr("Which grains are fitted with each n"))
@@ -103,8 +104,10 @@ class SweepDock(QFrame):
         self.limit.setValue(1.0)
         self.limit.setDecimals(2)
         self.limit.setSuffix(" %")
-        self.limit.setAccessibleName(tr("Error to be met"))
-        self.limit.setToolTip(tr("The smallest n is told from which on the median error is at most this"))
+        self.limit.setAccessibleName(tr("Error limit"))
+        self.limit.setToolTip(
+            tr("The smallest n from which the median error stays at or below this limit is shown")
+        )
         self.table = _table()
         self.use_button = QPushButton(tr("Use this n"))
         self._layout()
@@ -169,7 +172,9 @@ class SweepDock(QFrame):
             self.numbers.setFocus()
             return
         if not self.labels():
-            self._refuse(tr("No grain is chosen: click one in the view or the table, or take all inside."))
+            self._refuse(
+                tr("No grain is selected. Click one in the view or the table, or choose all inside.")
+            )
             return
         self._refuse("")
         self._work.start(self.labels(), numbers)
@@ -181,7 +186,7 @@ class SweepDock(QFrame):
         kind = self.grains.currentData() or "chosen"
         with QSignalBlocker(self.grains):
             self.grains.clear()
-            self.grains.addItem(tr("chosen grains ({count})", count=len(self._workspace.chosen)), "chosen")
+            self.grains.addItem(tr("selected grains ({count})", count=len(self._workspace.chosen)), "chosen")
             self.grains.addItem(tr("all inside ({count})", count=inside), "inside")
             self.grains.setCurrentIndex(self.grains.findData(kind))
         self.start_button.setEnabled(grains is not None and not running)
@@ -272,16 +277,16 @@ class SweepDock(QFrame):
         if not rows:
             note = ""
         elif not self._chosen:
-            note = tr("Choose the errors that matter in the table.")
+            note = tr("Select the errors that matter in the table.")
         elif missed:
             note = tr(
-                "No n here meets {limit:g} % for {errors}.",
+                "None of the tested n meets {limit:g} % for {errors}.",
                 limit=self.limit.value(),
                 errors=", ".join(missed),
             )
         else:
             note = tr(
-                "From n = {n} on, the median errors chosen are {limit:g} % or less.",
+                "From n = {n}, all selected median errors are {limit:g} % or less.",
                 n=n,
                 limit=self.limit.value(),
             )
@@ -291,11 +296,11 @@ class SweepDock(QFrame):
         self.use_button.setText(tr("Use this n") if n is None else tr("Use n = {n}", n=n))
         self.use_button.setToolTip(
             tr(
-                "No n that was tried meets this error for all chosen rows: try greater ones, or choose "
+                "None of the tested n meets this limit for all selected rows. Try larger n, or select "
                 "fewer rows"
             )
             if n is None and self._work.rows
-            else tr("Fit with the smallest n that meets the error for all chosen rows of the table")
+            else tr("Fit with the smallest n that meets the limit for all selected rows of the table")
         )
 
     def _use(self) -> None:
@@ -319,7 +324,7 @@ def _side(column: int) -> Qt.AlignmentFlag:
 def _table() -> QTableWidget:
     table = QTableWidget(0, 3)
     table.setAccessibleName(tr("Errors and the smallest n for each"))
-    table.setToolTip(tr("Choose the errors that matter: the button below takes the n that suits them all"))
+    table.setToolTip(tr("Select the errors that matter. The button below uses the n that meets all of them"))
     table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     table.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)

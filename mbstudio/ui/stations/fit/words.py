@@ -55,9 +55,7 @@ def many_told(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple[str
         reached = sum(reaches(fit) for fit in aimed)
         told.append(tr("{reached} of {aimed} reach the target.", reached=reached, aimed=len(aimed)))
     if bad:
-        told.append(
-            tr("Not valid: grain {labels}. More control points usually cure it.", labels=_listed(bad))
-        )
+        told.append(tr("Not valid: grain {labels}. More control points usually help.", labels=_listed(bad)))
     warned = [label for label, fit in fits.items() if fit.verdict.warnings]
     if warned:
         warnings = " ".join(fits[warned[0]].verdict.warnings)

@@ -28,7 +28,7 @@ class GrainPanel(Panel):
     """Settings of the segmentation, and a summary of its grains."""
 
     def __init__(self, workspace: Workspace, theme: Theme) -> None:
-        super().__init__(tr("Grains"), tr("Tell the grains from the pores and from each other."))
+        super().__init__(tr("Grains"), tr("Separate the grains from the pores and from each other."))
         self._workspace = workspace
         default = SegmentationSettings()
         self._make_settings(default)
@@ -60,15 +60,12 @@ class GrainPanel(Panel):
             default.splitting,
             0.01,
             "{:.2f}",
-            tr(
-                "How readily two grains that touch are told apart: too little merges them, "
-                "too much breaks them"
-            ),
+            tr("How readily touching grains are separated: too low merges them, too high breaks them"),
             (tr("seldom"), tr("readily")),
         )
         self.smallest = QSpinBox()
         self.smallest.setRange(1, 1_000_000)
-        self.drop_border = QCheckBox(tr("Leave out grains that the edge cuts"))
+        self.drop_border = QCheckBox(tr("Leave out grains cut by the edge"))
         self.add(
             row(
                 tr("Smoothing"),
@@ -79,7 +76,10 @@ class GrainPanel(Panel):
             row(
                 tr("Threshold"),
                 self.threshold_kind,
-                tr("Grey value that parts grains from pores; automatic: Otsu's, inside the field of view"),
+                tr(
+                    "Grey value that separates grains from pores; automatic: Otsu's threshold inside the "
+                    "field of view"
+                ),
             ),
         )
         self._threshold_row = row(
@@ -88,7 +88,10 @@ class GrainPanel(Panel):
         self.add(self._threshold_row, self.splitting)
         self.add(
             row(
-                tr("Smallest grain"), self.smallest, tr("Pieces with fewer voxels are left out"), tr("voxels")
+                tr("Smallest grain"),
+                self.smallest,
+                tr("Pieces with fewer voxels are discarded"),
+                tr("voxels"),
             )
         )
         self.add(self.drop_border)
@@ -114,7 +117,7 @@ class GrainPanel(Panel):
         self.find_button = primary_button(tr("Find grains"))
         self.load_button = quiet_button(tr("Load labels…"))
         self.load_button.setToolTip(
-            tr("Take a label image made elsewhere (ilastik and the like), of the scan's shape")
+            tr("Load a label image made with another program (such as ilastik), of the scan's shape")
         )
         self._hint = label("", "hint", wrap=True)
         line = QHBoxLayout()

@@ -57,7 +57,7 @@ class GrainWork(Work):
         if self.workspace.scan is not scan:
             self.said.emit(
                 "warning",
-                tr("The scan was changed meanwhile: the grains that were found do not belong to it."),
+                tr("The scan changed in the meantime, so the grains that were found do not belong to it."),
             )
             return
         inside = len(grains.interior_labels)
@@ -70,8 +70,8 @@ class GrainWork(Work):
             fits=MappingProxyType({}),
         )
         told = tr(
-            "{count} grains, {inside} of them not cut by the edge of the scan. "
-            "Click one in the view or the table, then fit it.",
+            "Found {count} grains, {inside} of them not cut by the edge of the scan. Click one in "
+            "the view or the table, then fit it.",
             count=len(grains),
             inside=inside,
         )

@@ -46,7 +46,7 @@ class BlendPage(QWidget):
         self.slots = {
             letter: GrainSlot(
                 letter,
-                tr("Drop a grain here as {letter}, or click to take the chosen one", letter=letter),
+                tr("Drop a grain here as {letter}, or click to use the selected one", letter=letter),
             )
             for letter in LETTERS
         }
@@ -57,21 +57,24 @@ class BlendPage(QWidget):
         )
         self.strength.set_range(-2.0, 2.0, 0.0, decimals=2)
         self.strength.set_value(1.0)
-        self.told = QCheckBox(tr("As the factors tell"))
+        self.told = QCheckBox(tr("Follow the factors"))
         self.told.setChecked(True)
         self.told.setToolTip(
             tr(
-                "The factors of C change as those of A differ from B's; a plain sum of latents is always "
-                "rougher"
+                "The factors of C change by the difference between A and B; a plain sum of latent "
+                "vectors is always rougher"
             )
         )
-        self.ghosts = QCheckBox(tr("A and B as ghosts"))
+        self.ghosts = QCheckBox(tr("Show A and B as ghosts"))
         self.play, self.animation = QToolButton(), QPushButton(tr("Save animation…"))
         self.animation.setToolTip(
-            tr("The way from A to B as GIF, numbered pictures or MP4, in steps of equal change")
+            tr(
+                "Save the interpolation from A to B as GIF, numbered pictures or MP4, in steps of "
+                "equal change"
+            )
         )
         self.play.setCheckable(True)
-        self.play.setToolTip(tr("Play the way from A to B and back"))
+        self.play.setToolTip(tr("Play the interpolation from A to B and back"))
         self.play.setAccessibleName(tr("Play"))
         self.play.setIconSize(QSize(20, 20))
         self._icons = icons
@@ -166,7 +169,7 @@ class BlendPage(QWidget):
         missing = [letter for letter in LETTERS if letter not in filled]
         self._hint.setText(
             tr(
-                "Choose a grain below and click {letters}, or drag it there.",
+                "Select a grain below and click {letters}, or drag it there.",
                 letters=tr(" or ").join(missing),
             )
             if missing

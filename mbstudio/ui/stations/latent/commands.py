@@ -68,7 +68,7 @@ def _keep(work: LatentWork, panel: LatentPanel, shelf: Shelf, at_station: AtStat
             menu="Latent",
             shortcut="Ctrl+B",
             icon="ph.bookmark-simple",
-            tip=tr("Put the grain under the hand into the gallery, with its recipe"),
+            tip=tr("Keep the current grain on the shelf, with its recipe"),
             enabled=has_grain,
         ),
         Command(
@@ -87,7 +87,7 @@ def _keep(work: LatentWork, panel: LatentPanel, shelf: Shelf, at_station: AtStat
             run=shelf.rename_chosen,
             menu="Latent",
             icon="ph.pencil-simple",
-            tip=tr("Call the chosen kept grain otherwise"),
+            tip=tr("Rename the selected kept grain"),
             enabled=chosen_kept,
         ),
         Command(
@@ -96,7 +96,7 @@ def _keep(work: LatentWork, panel: LatentPanel, shelf: Shelf, at_station: AtStat
             run=shelf.remove_chosen,
             menu="Latent",
             icon="ph.trash",
-            tip=tr("Take the chosen kept grain out of the gallery"),
+            tip=tr("Remove the selected kept grain from the shelf"),
             enabled=chosen_kept,
         ),
     ]
@@ -114,7 +114,7 @@ def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[
             menu="Latent",
             shortcut="Ctrl+R",
             icon="ph.dice-five",
-            tip=tr("A new grain in the style of the parents; what is locked stays"),
+            tip=tr("Draw a new grain in the style of the parents; locked values stay"),
             enabled=has_grain,
             separated=True,
         ),
@@ -124,7 +124,7 @@ def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[
             run=at_station(panel.draw_another),
             menu="Latent",
             shortcut="Ctrl+Shift+A",
-            tip=tr("Noise as strong, another way"),
+            tip=tr("Draw other noise of the same strength"),
             enabled=has_grain,
         ),
         Command(
@@ -133,7 +133,7 @@ def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[
             run=at_station(work.reset),
             menu="Latent",
             icon="ph.arrow-counter-clockwise",
-            tip=tr("Back to the grain before it was shaped"),
+            tip=tr("Return to the grain before it was shaped"),
             enabled=lambda: work.stance is not None and len(work.stance.operations) > 1,
         ),
         Command(
@@ -141,7 +141,7 @@ def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[
             title=tr("Allow far outside"),
             run=panel.beyond.setChecked,
             menu="Latent",
-            tip=tr("Let grains go far outside the parents instead of holding them at the edge"),
+            tip=tr("Allow grains far outside the parents' range instead of holding them at its edge"),
             enabled=has_grain,
             checked=lambda: panel.beyond.isChecked(),
         ),
@@ -156,10 +156,10 @@ def _blend(
         *(
             Command(
                 id=f"latent.pick_{letter.lower()}",
-                title=tr("Take chosen grain as {letter}", letter=letter),
+                title=tr("Use the selected grain as {letter}", letter=letter),
                 run=partial(at_station(partial(link.pick, letter))),
                 menu="Latent",
-                tip=tr("Let {letter} of page Blend stand for the grain chosen in the gallery", letter=letter),
+                tip=tr("Use the grain selected on the shelf as {letter} of page Blend", letter=letter),
                 enabled=lambda: work.stance is not None and shelf.chosen is not None,
                 separated=letter == "A",
             )
@@ -170,7 +170,7 @@ def _blend(
             title=tr("Play from A to B"),
             run=blend.play.setChecked,
             menu="Latent",
-            tip=tr("Play the way from A to B and back"),
+            tip=tr("Play the interpolation from A to B and back"),
             enabled=lambda: blend.play.isEnabled(),
             checked=lambda: blend.play.isChecked(),
         ),
@@ -180,7 +180,7 @@ def _blend(
             run=link.ask_animation,
             menu="Latent",
             icon="ph.film-strip",
-            tip=tr("The way from A to B as a moving picture"),
+            tip=tr("Save the interpolation from A to B as an animation"),
             enabled=lambda: blend.animation.isEnabled(),
         ),
     ]

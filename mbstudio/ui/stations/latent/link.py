@@ -263,7 +263,7 @@ class LatentLink(QObject):
         name = name or self._shelf.chosen or ""
         latent = self._work.latent_of(name)
         if latent is None:
-            told = tr("Choose a grain in the gallery first, then click {letter}.", letter=letter)
+            told = tr("Select a grain on the shelf first, then click {letter}.", letter=letter)
             self._studio.say("info", told)
             return
         self.letters[letter] = (name, latent)
@@ -371,12 +371,16 @@ class LatentLink(QObject):
         task = Task(tr("Writing the animation"), lambda control: write(progress=control.progress))
         if path.suffix.lower() == ".png":
             told = tr(
-                "Saved the way from A to B as pictures {name}_000.png, ... in {folder}.",
+                "Saved the interpolation from A to B as pictures {name}_000.png, ... in {folder}.",
                 name=path.stem,
                 folder=path.parent,
             )
         else:
-            told = tr("Saved the way from A to B as {name} in {folder}.", name=path.name, folder=path.parent)
+            told = tr(
+                "Saved the interpolation from A to B as {name} in {folder}.",
+                name=path.name,
+                folder=path.parent,
+            )
         task.succeeded.connect(lambda _: self._studio.say("success", told))
         self._studio.queue.submit(task)
 

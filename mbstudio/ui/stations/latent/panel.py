@@ -33,7 +33,7 @@ _FIRST, _MORE = 8, 12
 """Sliders of components that are there at first, and that each “more” adds."""
 _MOST_NOISE = 1.0
 _BEYOND = 2.0
-_NOT_LEARNED = mark("The meanings are not learned: leave the station and come back to learn them.")
+_NOT_LEARNED = mark("The meanings have not been learned. Leave the station and come back to learn them.")
 """Times as far as the parents reach go the sliders where that is allowed."""
 _WRITTEN = 1.0
 """Share of a slider's range by which a value written in its box may lie beyond it."""
@@ -75,8 +75,8 @@ class LatentPanel(Panel):
             label(
                 tr(
                     "There is no style-learner yet. It is learned from at least five avatars of the same "
-                    "kind of grain and then knows how such grains differ; here its latent variables get a "
-                    "handle each."
+                    "kind of grain and describes how such grains differ. Here each of its latent "
+                    "variables gets a slider."
                 ),
                 "hint",
                 wrap=True,
@@ -114,12 +114,15 @@ class LatentPanel(Panel):
         self._inner.addSpacing(6)
         self._inner.addWidget(label(tr("Chance"), "heading"))
         self.noise = ValueSlider(
-            tr("Noise σ"), self._icons, tr("0 changes nothing, 1 strays as far as another parent"), lock=False
+            tr("Noise σ"),
+            self._icons,
+            tr("0 changes nothing, 1 deviates as much as another parent"),
+            lock=False,
         )
         self.noise.set_range(0.0, _MOST_NOISE, 0.0, decimals=2)
         self.another, self.randomise = QPushButton(tr("Another one")), QPushButton(tr("Randomise"))
-        self.another.setToolTip(tr("Noise as strong, another way"))
-        self.randomise.setToolTip(tr("A new grain in the style of the parents; what is locked stays"))
+        self.another.setToolTip(tr("Draw other noise of the same strength"))
+        self.randomise.setToolTip(tr("Draw a new grain in the style of the parents; locked values stay"))
         line = QHBoxLayout()
         line.addWidget(self.another)
         line.addWidget(self.randomise)
@@ -138,7 +141,10 @@ class LatentPanel(Panel):
         self._inner.addWidget(self.more)
         self.beyond = QCheckBox(tr("Allow far outside the parents"))
         self.beyond.setToolTip(
-            tr("Otherwise a grain is held at the edge of the parents' range, and what is held turns amber")
+            tr(
+                "If this is off, grains are held at the edge of the parents' range, and held values "
+                "turn amber"
+            )
         )
         self._inner.addWidget(self.beyond)
 
@@ -148,11 +154,11 @@ class LatentPanel(Panel):
         )
         self.keep = primary_button(tr("Keep"))
         self.alike, self.count = QPushButton(tr("More like this")), QSpinBox()
-        self.undo.setToolTip(tr("Take the last step back (Ctrl+Z)"))
-        self.redo.setToolTip(tr("Make it again (Ctrl+Shift+Z)"))
-        self.reset.setToolTip(tr("Back to the grain before it was shaped"))
-        self.keep.setToolTip(tr("Put the grain into the gallery, with its recipe"))
-        self.alike.setToolTip(tr("Variations of this grain with the noise σ set above, into the gallery"))
+        self.undo.setToolTip(tr("Undo the last step (Ctrl+Z)"))
+        self.redo.setToolTip(tr("Redo the step (Ctrl+Shift+Z)"))
+        self.reset.setToolTip(tr("Return to the grain before it was shaped"))
+        self.keep.setToolTip(tr("Keep the grain on the shelf, with its recipe"))
+        self.alike.setToolTip(tr("Keep variations of this grain, with the noise σ set above"))
         self.count.setRange(1, 100)
         self.count.setValue(6)
         self.count.setFixedWidth(64)

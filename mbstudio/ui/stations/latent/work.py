@@ -306,7 +306,9 @@ class LatentWork(Work):
         if learner is None or stance is None:
             return None
         if not keeping.is_sound(learner, stance.latent):
-            self.said.emit("warning", tr("Kept, but it is no valid body: a DEM engine would not take it."))
+            self.said.emit(
+                "warning", tr("The grain was kept, but it is not a valid body: a DEM engine would reject it.")
+            )
         return self._keep([(stance.latent, stance.operations)])[0]
 
     def keep_variations(self, sigma: float, count: int, seed: int = 0) -> Task | None:
@@ -403,12 +405,12 @@ def others_told(count: int) -> str:
     """Return what is told of kept grains of another style-learner."""
     if count == 1:
         return tr(
-            "One kept grain belongs to another style-learner; "
-            "the project keeps them until that is opened again."
+            "One kept grain belongs to another style-learner. It stays in the project and appears "
+            "again with that style-learner."
         )
     return tr(
-        "{count} kept grains belong to another style-learner; "
-        "the project keeps them until that is opened again.",
+        "{count} kept grains belong to another style-learner. They stay in the project and "
+        "appear again with that style-learner.",
         count=count,
     )
 
@@ -416,7 +418,7 @@ def others_told(count: int) -> str:
 def few_told(made: int, wanted: int) -> str:
     """Return what is told where not all variations are valid."""
     return tr(
-        "Only {made} of {wanted} variations are valid bodies: take less noise, or begin with a valid grain.",
+        "Only {made} of {wanted} variations are valid bodies. Use less noise, or start from a valid grain.",
         made=made,
         wanted=wanted,
     )

@@ -45,7 +45,7 @@ def population_commands(
             run=link.ask_figure,
             menu="Populations",
             icon="ph.download-simple",
-            tip=tr("Save the plot that is looked at as SVG, PNG or PDF"),
+            tip=tr("Save the current plot as SVG, PNG or PDF"),
             enabled=lambda: bool(work.populations),
         ),
         Command(
@@ -54,7 +54,7 @@ def population_commands(
             run=link.copy_figure,
             menu="Populations",
             icon="ph.copy",
-            tip=tr("Put the plot that is looked at into the clipboard"),
+            tip=tr("Copy the current plot to the clipboard"),
             enabled=lambda: bool(work.populations),
         ),
     ]

@@ -89,8 +89,8 @@ class PopulationDock(QFrame):
         self._tool_line.setSpacing(2)
         self._tool_line.addWidget(self._legend, 1)
         for button, icon, words in (
-            (self.rectangle, "ph.selection", tr("Choose by dragging a rectangle")),
-            (self.lasso, "ph.scribble-loop", tr("Choose by drawing a lasso")),
+            (self.rectangle, "ph.selection", tr("Select by dragging a rectangle")),
+            (self.lasso, "ph.scribble-loop", tr("Select by drawing a lasso")),
             (self.everything, "ph.frame-corners", tr("Show the whole plot")),
             (self.copy, "ph.copy", tr("Copy the figure as a picture")),
             (self.save, "ph.download-simple", tr("Save the figure (SVG, PNG, PDF)…")),

@@ -69,7 +69,7 @@ class PopulationPanel(Panel):
         self._offer(FACTORS.core)
         self.add(
             row(
-                tr("Grains"), self.scope, tr("Grains that have an avatar, or all that the edge does not cut")
+                tr("Grains"), self.scope, tr("Grains that have an avatar, or all grains not cut by the edge")
             ),
             row(tr("Axes"), self.axes, tr("How the axes a ≥ b ≥ c of a body are found")),
             self.detail,
@@ -78,7 +78,11 @@ class PopulationPanel(Panel):
         self.add(
             row(tr("Factor"), self.factor, tr("Shape factor of the distributions, and across in the pairs")),
             row(tr("Against"), self.second, tr("Upwards in the pairs")),
-            row(tr("Weighting"), self.by, tr("Every body alike, or by its volume (mass at one density)")),
+            row(
+                tr("Weighting"),
+                self.by,
+                tr("Weight every body equally, or by its volume (mass at constant density)"),
+            ),
         )
         self.statistics = ComparisonTable(tr("Statistics of the factor"), FACTOR_ROWS)
         self.sizes = ComparisonTable(tr("Sizes by mass"), SIZE_ROWS)
@@ -182,15 +186,15 @@ class PopulationPanel(Panel):
         if state.grains is None:
             text = tr("Find the grains first (station Grains).")
         elif work.run.is_running:
-            text = tr("Measuring … the status bar shows how far it is, and can cancel it.")
+            text = tr("Measuring … see the status bar for progress and to cancel.")
         elif work.measured is None:
-            text = tr("Nothing was measured yet.")
+            text = tr("Nothing has been measured yet.")
         elif not work.is_current:
-            text = tr("Out of date: grains, avatars or settings have changed since.")
+            text = tr("Out of date: the grains, avatars or settings have changed.")
         elif chosen:
             listed = ", ".join(map(str, sorted(chosen)[:8])) + (" …" if len(chosen) > 8 else "")
-            text = tr("{count} chosen: grain {labels}.", count=len(chosen), labels=listed)
+            text = tr("{count} selected: grain {labels}.", count=len(chosen), labels=listed)
         else:
-            text = tr("No grain chosen: click or drag in a plot, the view or the table.")
+            text = tr("No grain is selected. Click or drag in a plot, the view or the table.")
         self._hint.setText(text)
         self.measure_button.setText(tr("Measure again") if work.measured is not None else tr("Measure"))

@@ -146,7 +146,9 @@ class PopulationWork(Work):
             self.measured = measured
             failed = sum(len(p.failures) for p in (measured.found.grains, measured.found.avatars) if p)
             if failed:
-                told = tr("{failed} bodies could not be measured; the report says why.", failed=failed)
+                told = tr(
+                    "{failed} bodies could not be measured. The report gives the reasons.", failed=failed
+                )
                 self.said.emit("warning", told)
 
     def _grains_changed(self) -> None:

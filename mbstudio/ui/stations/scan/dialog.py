@@ -133,7 +133,7 @@ class ScanDialog(QDialog):
     def _check(self) -> None:
         problem = ""
         if not self.size_field.text().strip():
-            problem = tr("The reconstruction report or the scanner's protocol tells the voxel size.")
+            problem = tr("The voxel size is given in the reconstruction report or the scanner's protocol.")
             good = False
         else:
             try:

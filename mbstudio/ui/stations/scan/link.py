@@ -82,7 +82,7 @@ class ScanLink(QObject):
         """Say that the project's scan is missing, and offer to tell where it is; work goes on without."""
         self._studio.say(
             "warning",
-            tr("{why} Grains and avatars are there all the same.", why=why),
+            tr("{why} The grains and avatars are still available.", why=why),
             tr("Locate…"),
             self.ask_missing_scan,
         )

@@ -66,7 +66,7 @@ class ScanWork(Work):
         """Open a file or a folder of slices; ask for what it does not say."""
         path = Path(path)
         if is_raw(path) and path.is_file():
-            self.asked.emit(path, tr("A RAW file holds nothing but voxels: tell what they are."), True)
+            self.asked.emit(path, tr("A RAW file contains only voxels. Describe them below."), True)
             return None
         size = VoxelSize.parse(voxel_size) if voxel_size is not None else None
         return self.open_answered(ScanAnswer(path, size))
@@ -138,7 +138,7 @@ class ScanWork(Work):
     def _miss(self, project: object, error: Exception) -> None:
         if project is self.workspace.project and isinstance(error, ScanError):
             # The window has a button where the command line has an option.
-            self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("tell where it is")))
+            self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("locate the file")))
 
     def change_voxel_size(self, size: VoxelSize) -> None:
         """Correct the voxel size of the present scan; grains and fits no longer hold."""

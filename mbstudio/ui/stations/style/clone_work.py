@@ -128,14 +128,14 @@ class CloneWork(Work):
         missed = [figure for figure in found.reached if not figure.met]
         told = [
             tr(
-                "{clones} clones of {candidates} candidates, every one a valid body.",
+                "Generated {clones} clones from {candidates} candidates; all are valid bodies.",
                 clones=len(found),
                 candidates=found.counts.candidates,
             )
         ]
         if missed:
             names = ", ".join(figure.what for figure in missed)
-            told.append(tr("Not quite reached: {figures}.", figures=names))
+            told.append(tr("Not fully reached: {figures}.", figures=names))
         self.said.emit("warning" if missed else "success", " ".join(told))
         self.assess()
 

@@ -34,7 +34,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             menu="Style",
             shortcut="Ctrl+L",
             icon="ph.graduation-cap",
-            tip=tr("Learn the form of the parents chosen at station Style"),
+            tip=tr("Learn the shape of the parents selected at station Style"),
             enabled=lambda: panel.learn.learn_button.isEnabled() and not work.run.is_running,
         ),
         Command(
@@ -43,7 +43,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             run=work.run.pause_or_resume,
             menu="Style",
             icon="ph.pause-circle",
-            tip=tr("Halt the training, or let it go on"),
+            tip=tr("Pause the training, or resume it"),
             enabled=lambda: work.run.is_running,
         ),
         Command(
@@ -52,7 +52,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             run=work.run.stop,
             menu="Style",
             icon="ph.stop-circle",
-            tip=tr("End the training with its best state"),
+            tip=tr("Stop the training and keep its best state"),
             enabled=lambda: work.is_training,
         ),
         Command(
@@ -93,7 +93,7 @@ def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: St
             menu="Style",
             shortcut="Ctrl+Shift+G",
             icon="ph.sparkle",
-            tip=tr("New grains in the style, as station Style asks for them"),
+            tip=tr("Generate new grains in the style, with the settings of station Style"),
             enabled=lambda: space.style is not None and not clone_work.run.is_running,
             separated=True,
         ),
@@ -103,7 +103,7 @@ def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: St
             run=link.ask_report,
             menu="Style",
             icon="ph.file-text",
-            tip=tr("Write clones and parents compared as one HTML file"),
+            tip=tr("Write a comparison of clones and parents as one HTML file"),
             enabled=lambda: space.clones is not None,
         ),
     ]

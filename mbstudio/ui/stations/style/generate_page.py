@@ -50,9 +50,10 @@ class GeneratePage(QWidget):
         self.where.setTabChangesFocus(True)
         self.where.setFixedHeight(64)
         tip = tr(
-            "<p>What the clones are to be like, one condition a line: <i>sphericity=0.75..0.8</i> for every "
-            "clone, <i>csf=0.7+-0.05</i> for mean and deviation, <i>D50=0.4 mm</i>, "
-            "<i>sieve=0.3:10,0.4:55,0.6:100 mm</i>. Empty: like their parents.</p>"
+            "<p>Conditions that the clones must meet, one on each line: "
+            "<i>sphericity=0.75..0.8</i> for every clone, <i>csf=0.7+-0.05</i> for mean and "
+            "deviation, <i>D50=0.4 mm</i>, <i>sieve=0.3:10,0.4:55,0.6:100 mm</i>. Leave empty for "
+            "clones like their parents.</p>"
         )
         self.where.setToolTip(tip)
         self.refusal = label("", "refusal", wrap=True)
@@ -91,7 +92,7 @@ class GeneratePage(QWidget):
         self.generate_button = primary_button(tr("Generate"))
         self.cancel_button = QPushButton(tr("Cancel"))
         self.report_button = QPushButton(tr("Report…"))
-        self.report_button.setToolTip(tr("Write parents and clones compared as one HTML file"))
+        self.report_button.setToolTip(tr("Write a comparison of parents and clones as one HTML file"))
         self.populations_button, self.export_button = (
             QPushButton(tr("Populations")),
             QPushButton(tr("Export…")),
@@ -149,7 +150,7 @@ class GeneratePage(QWidget):
         if running:
             hint = self._work.run.state()
         elif learner is None:
-            hint = tr("There is no style yet: learn or open one first.")
+            hint = tr("There is no style yet. Learn or open one first.")
         self._hint.setText(hint)
         self._hint.setVisible(bool(hint))
         self._show_clone()

@@ -19,7 +19,7 @@ from mbstudio.ui.workspace import Workspace
 FEWEST = 5
 _SOURCES = {
     "inside": mark("Grains inside"),
-    "chosen": mark("Chosen grains"),
+    "chosen": mark("Selected grains"),
     "avatars": mark("Avatars"),
     "folder": mark("Folder of meshes"),
 }
@@ -72,7 +72,7 @@ class LearnPage(QWidget):
         self._card = label("", "hint", wrap=True)
         self._card_name = label("", "key", wrap=True)
         self.open_button, self.save_button = QPushButton(tr("Open…")), QPushButton(tr("Save…"))
-        self.open_button.setToolTip(tr("Open the folder of a style-learner, as “mbstudio learn” writes it"))
+        self.open_button.setToolTip(tr("Open the folder of a style-learner, as written by “mbstudio learn”"))
         self.save_button.setToolTip(tr("Write the style-learner into a folder, for “mbstudio generate” too"))
         self._lay_out(browse)
         self._make_foot()
@@ -86,7 +86,7 @@ class LearnPage(QWidget):
         rows = QVBoxLayout(self._folder_rows)
         rows.setContentsMargins(0, 0, 0, 0)
         rows.addLayout(line)
-        rows.addWidget(row(tr("Unit of the meshes"), self.unit, tr("That the numbers in the files are in")))
+        rows.addWidget(row(tr("Unit of the meshes"), self.unit, tr("Unit of the numbers in the files")))
         buttons = QHBoxLayout()
         buttons.addWidget(self.open_button)
         buttons.addWidget(self.save_button)
@@ -101,11 +101,15 @@ class LearnPage(QWidget):
             self._explained,
             self._advice,
             self.take_pca,
-            row(tr("Control points n"), self.n, tr("Of every parent's avatar and of every clone")),
+            row(
+                tr("Control points n"),
+                self.n,
+                tr("Number of control points of every parent's avatar and of every clone"),
+            ),
             row(
                 tr("Steps"),
                 self.steps,
-                tr("Of the training; as usual: 4000, or 2000 below 100 parents (aligned)"),
+                tr("Steps of the training; as usual: 4000, or 2000 with fewer than 100 parents (aligned)"),
             ),
             row(tr("Seed"), self.seed, tr("The same seed gives the same style-learner")),
         ):
@@ -127,11 +131,11 @@ class LearnPage(QWidget):
         self._hint = label("", "hint", wrap=True)
         self.learn_button = primary_button(tr("Learn"))
         self.on_button = QPushButton(tr("Learn on"))
-        self.on_button.setToolTip(tr("Teach new grains to the style-learner without forgetting the old ones"))
+        self.on_button.setToolTip(tr("Teach the style-learner new grains without forgetting the old ones"))
         self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
         self.cancel_button = QPushButton(tr("Cancel"))
-        self.stop_button.setToolTip(tr("End the training and keep its best state"))
-        self.cancel_button.setToolTip(tr("Give up; the style-learner that was there stays"))
+        self.stop_button.setToolTip(tr("Stop the training and keep its best state"))
+        self.cancel_button.setToolTip(tr("Cancel; the present style-learner stays"))
         self._running = QWidget()
         line = QHBoxLayout(self._running)
         line.setContentsMargins(0, 0, 0, 0)
@@ -223,8 +227,8 @@ class LearnPage(QWidget):
         few = count is not None and FEWEST <= count < preset.enough_parents
         self._advice.setText(
             tr(
-                "With {count} parents, fewer than {enough}, principal components reproduce grains "
-                "that they have not seen better than a network.",
+                "With {count} parents (fewer than {enough}), principal components reproduce unseen "
+                "grains better than a network.",
                 count=count,
                 enough=preset.enough_parents,
             )
@@ -272,14 +276,14 @@ class LearnPage(QWidget):
             return tr("Choose a folder of meshes.")
         if self._workspace.state.grains is None and not count:
             return tr("No grains yet: find them first (station Grains), or learn from a folder of meshes.")
-        return tr("A style needs {fewest} parents at least; here are {count}.", fewest=FEWEST, count=count)
+        return tr("A style needs at least {fewest} parents; there are {count}.", fewest=FEWEST, count=count)
 
     def _show_card(self) -> None:
         learner = self._workspace.style
         self.save_button.setEnabled(learner is not None)
         if learner is None:
             self._card_name.setText(tr("None yet"))
-            self._card.setText(tr("Learn one above, or open one that was saved."))
+            self._card.setText(tr("Learn one above, or open a saved one."))
             return
         card = learner.card
         title = find_preset(card.preset).title
@@ -289,7 +293,7 @@ class LearnPage(QWidget):
             tr(words, error=percent(value))
             for words, value in (
                 (mark("Held-out error {error}"), card.held_out_rms),
-                (mark("of those seen {error}"), card.trained_rms),
+                (mark("of seen parents {error}"), card.trained_rms),
                 (mark("avatars of their grains {error}"), card.parents_rms),
             )
             if np.isfinite(value)

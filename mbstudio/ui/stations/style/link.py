@@ -107,7 +107,7 @@ class StyleLink(QObject):
                     self._share()
         elif clones is None:
             self._dock.quality.say(
-                tr("Generate clones: how like their parents they are, and how new, appears here.")
+                tr("Generate clones to see here how similar to their parents and how new they are.")
             )
         elif self._clone_work.assessing.is_running:
             self._dock.quality.say(tr("The clones are being compared with their parents …"))

@@ -18,7 +18,7 @@ class StylePanel(Panel):
 
     def __init__(self, workspace: Workspace, styles: StyleWork, clones: CloneWork) -> None:
         super().__init__(
-            tr("Style"), tr("MetaballVAE learns the form of grains and generates new ones like them.")
+            tr("Style"), tr("MetaballVAE learns the shape of grains and generates new ones like them.")
         )
         self.learn = LearnPage(workspace, styles)
         self.generate = GeneratePage(workspace, clones)

@@ -34,7 +34,7 @@ class StyleStation(Station):
     """Trains style-learners and makes clones."""
 
     id, icon, guide = "style", "ph.paint-brush", "New grains"
-    title, tip = mark("Style"), mark("Learn the form of grains, generate new ones")
+    title, tip = mark("Style"), mark("Learn the shape of grains, generate new ones")
     menu = mark("Style")
 
     def __init__(self, studio: Studio, view: SceneView) -> None:

@@ -265,10 +265,10 @@ class StyleWork(Work):
         self._learning = None
         self.workspace.use_style(last.learner, title)
         notes = [*told, *[step.note for step in self.records if step.note]]
-        words = [tr("The style of {count} parents is learned.", count=card.count)]
+        words = [tr("Learned the style of {count} parents.", count=card.count)]
         if np.isfinite(card.held_out_rms):
             error = percent(card.held_out_rms)
-            words.append(tr("Parents not seen are reproduced to {error} of Dₙ.", error=error))
+            words.append(tr("Unseen parents are reproduced to {error} of Dₙ.", error=error))
         self.said.emit("warning" if notes else "success", " ".join((*words, *notes)))
 
     # ---- files -----------------------------------------------------------------------------------

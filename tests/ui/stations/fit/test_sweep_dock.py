@@ -123,7 +123,7 @@ def test_what_cannot_be_swept_is_said_beside_it(sweeping, idle):
     dock.numbers.setText("10")
     window.workspace.select(None)
     dock.start()
-    assert "No grain is chosen" in dock.refusal.text()
+    assert "No grain is selected" in dock.refusal.text()
     dock.grains.setCurrentIndex(dock.grains.findData("inside"))
     assert dock.labels() == window.workspace.state.grains.interior_labels
     dock.numbers.setText("1000000")
