@@ -290,7 +290,7 @@ def test_the_report_is_written(measured, idle, tmp_path, monkeypatch):
     # All figures take seconds, and are drawn by the tests of the report.
     draw = population_report.picture
     one = lambda shown, sieves: [draw(population_report.zingg_figure(shown), "Zingg")]  # noqa: E731
-    monkeypatch.setattr(population_report, "_figures", one)
+    monkeypatch.setattr(population_report, "_draw_figures", one)
     window.stations.populations.link.write_report(tmp_path / "sand.html")
     idle()
     assert window.messages.level == "success", window.messages.text

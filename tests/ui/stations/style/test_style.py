@@ -181,7 +181,7 @@ def test_errors_say_what_to_do(window, page, idle, tmp_path, learner):
 
 def test_clones_appear_everywhere(window, idle, monkeypatch, tmp_path, learner):
     # Ten seconds of figures and as many of candidates, both tested where they are made.
-    monkeypatch.setattr(generation_report, "_figures", lambda *_: [])
+    monkeypatch.setattr(generation_report, "_draw_figures", lambda *_: [])
     monkeypatch.setattr(generator, "_SPARE", 8)
     window.enter("style")
     window.workspace.use_style(learner)
