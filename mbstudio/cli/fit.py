@@ -115,6 +115,7 @@ def fit(
     splitting: inputs.SplittingOption = None,
     smallest: inputs.SmallestOption = None,
     threshold: inputs.ThresholdOption = None,
+    dark: inputs.DarkOption = None,
     unit: inputs.UnitOption = None,
     resolution: ResolutionOption = 120,
     scan: inputs.ScanOption = None,
@@ -135,7 +136,7 @@ def fit(
     options = read_options(method, [f"cavities={cavities}", *(option or ())])  # type: ignore[arg-type]
     aims = str(FitGoal.parse(target)) if target is not None else ""
     output = _choose_output(source, output)
-    settings = inputs.segmentation_options(splitting, smallest, threshold)
+    settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
     if inputs.is_mesh(source):
         project = Project.new()
         grain_set = inputs.grains_of_mesh(Grain.from_mesh(source, resolution=resolution, unit=unit))

@@ -40,8 +40,16 @@ SmallestOption = Annotated[
     int | None, typer.Option("--smallest", metavar="VOXELS", help="Volume of the smallest grain that counts.")
 ]
 ThresholdOption = Annotated[
-    float | None,
-    typer.Option("--threshold", help="Grey value between void and grain; found automatically by default."),
+    str | None,
+    typer.Option(
+        "--threshold",
+        metavar="GREY",
+        help="Grey value between void and grain, or ranges of grain as 90:140,200:255; found by default.",
+    ),
+]
+DarkOption = Annotated[
+    bool | None,
+    typer.Option("--dark/--bright", help="Grains are darker, or brighter, than the void; found by default."),
 ]
 LabelsOption = Annotated[
     Path | None, typer.Option("--labels", metavar="FILE", help="Use this label image instead of segmenting.")
@@ -121,11 +129,28 @@ def numbers_in(text: str | None, option: str) -> list[int] | None:
 
 
 def segmentation_options(
-    splitting: float | None, smallest: int | None, threshold: float | None
+    splitting: float | None, smallest: int | None, threshold: str | None, dark: bool | None = None
 ) -> dict[str, Any]:
     """Return the settings that were given, by their names in ``segment``."""
-    given = {"splitting": splitting, "smallest_voxels": smallest, "threshold": threshold}
+    given = {"splitting": splitting, "smallest_voxels": smallest, "dark": dark, **_grey_values(threshold)}
     return {name: value for name, value in given.items() if value is not None}
+
+
+def _grey_values(text: str | None) -> dict[str, Any]:
+    """Read a threshold as ``120``, or ranges as ``90:140,200:255``."""
+    if text is None:
+        return {}
+    try:
+        if ":" not in text:
+            return {"threshold": float(text)}
+        ranges = [tuple(map(float, part.split(":"))) for part in text.split(",")]
+        if any(len(ends) != 2 for ends in ranges):
+            raise ValueError(text)
+    except ValueError as error:
+        raise MbstudioError(
+            f"--threshold '{text}' cannot be read: write one grey value as 120, or ranges as 90:140,200:255."
+        ) from error
+    return {"ranges": tuple(end for ends in ranges for end in ends)}
 
 
 def find_grains(project: Project, labels: Path | None, settings: dict[str, Any]) -> GrainSet:

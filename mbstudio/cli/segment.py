@@ -27,6 +27,7 @@ def segment(
     splitting: inputs.SplittingOption = None,
     smallest: inputs.SmallestOption = None,
     threshold: inputs.ThresholdOption = None,
+    dark: inputs.DarkOption = None,
     scan: inputs.ScanOption = None,
     shape: inputs.ShapeOption = None,
     dtype: inputs.DtypeOption = None,
@@ -50,7 +51,9 @@ def segment(
         project = Project.new(
             inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian)
         )
-    grains = inputs.find_grains(project, labels, inputs.segmentation_options(splitting, smallest, threshold))
+    grains = inputs.find_grains(
+        project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark)
+    )
     result = describe_grains(grains)
     if write_labels is not None:
         write_label_image(write_labels, grains, project.scan.grid if project.scan is not None else None)

@@ -62,6 +62,7 @@ def sweep(
     splitting: inputs.SplittingOption = None,
     smallest: inputs.SmallestOption = None,
     threshold: inputs.ThresholdOption = None,
+    dark: inputs.DarkOption = None,
     unit: inputs.UnitOption = None,
     resolution: Annotated[
         int, typer.Option("--resolution", help="Voxels along a mesh's longest edge.")
@@ -80,7 +81,7 @@ def sweep(
     numbers = inputs.numbers_in(n, "--n") or []
     _check_outputs(source, output, figure, error, resume)
     done = read_sweep(output) if resume and output.exists() else []
-    settings = inputs.segmentation_options(splitting, smallest, threshold)
+    settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
     scan_options = (voxel_size, shape, dtype, header_bytes, big_endian)
     found = _grains_of(source, unit, resolution, scan_options, settings)
     labels = _labels(found, inputs.numbers_in(grains, "--grains"))[:limit]

@@ -39,6 +39,10 @@ class GrainWarning(UserWarning):
     """Something about a grain was repaired, and the user should know."""
 
 
+class SegmentationWarning(UserWarning):
+    """Grains were found, but the user should know something about how."""
+
+
 class MeshError(MbstudioError):
     """A surface mesh that is not a closed body."""
 

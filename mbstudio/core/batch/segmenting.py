@@ -8,6 +8,7 @@ files in a temporary folder, not through the pipes: a scan may be as large as th
 from __future__ import annotations
 
 import tempfile
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from mbstudio.core.batch.messages import Arrays, Head, Message, Report
 from mbstudio.core.batch.pool import Job, WorkerPool
-from mbstudio.core.errors import SegmentationError
+from mbstudio.core.errors import SegmentationError, SegmentationWarning
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.segmentation import Progress, SegmentationSettings, segment
 from mbstudio.core.scan.scan import Scan
@@ -94,14 +95,21 @@ class _Segmentation(Job[Scan, GrainSet]):
             voxels = np.load(folder / "voxels.npy", mmap_mode="r", allow_pickle=False)
         path = Path(head["path"]) if head["path"] else None
         scan = Scan(voxels, VoxelSize(**head["voxel_size"]), tuple(head["origin"]), path)
-        grains = segment(scan, SegmentationSettings(**head["settings"]), progress=report)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", SegmentationWarning)
+            grains = segment(scan, SegmentationSettings(**head["settings"]), progress=report)
         np.save(folder / "labels.npy", grains.labels, allow_pickle=False)
-        return {}, {str(name): grains.table[name].to_numpy() for name in grains.table.columns}
+        texts = [str(one.message) for one in caught if issubclass(one.category, SegmentationWarning)]
+        return {"warnings": texts}, {
+            str(name): grains.table[name].to_numpy() for name in grains.table.columns
+        }
 
     def unpack(self, scan: Scan, head: Head, arrays: Arrays) -> GrainSet:
         import pandas as pd
 
         labels = np.load(self._folder / "labels.npy", allow_pickle=False)
+        for text in head["warnings"]:
+            warnings.warn(text, SegmentationWarning, stacklevel=4)
         return GrainSet(labels, pd.DataFrame(arrays), scan.voxel_size, scan.origin)
 
     def lose(self, scan: Scan, code: int) -> GrainSet:

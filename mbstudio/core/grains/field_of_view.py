@@ -15,6 +15,8 @@ _LEAST_OUTSIDE = 0.01
 # How convex the seen cross-section must be: a disk on the pixel grid is above 0.98, the grains of
 # an image whose pores are all zero are far below.
 _LEAST_SOLIDITY = 0.95
+# Share of the voxels within a field of view that may have the value of the padding by chance.
+_MOST_PADDING = 0.05
 
 # Mean thickness of the ring of voxels that border on the outside of a disk, corners included.
 _RIM_THICKNESS = 4 / np.pi
@@ -99,8 +101,9 @@ def find_field_of_view(voxels: Shaped[np.ndarray, "Z Y X"]) -> FieldOfView:
 
     Unseen are the columns along an axis that hold nothing but the value in the box's corner,
     as far as they hang together with the box's edge. They are believed if what is left is one
-    convex cross-section: an image whose pores happen to be zero does not pass. Where the corner is
-    no finite number, all that are none count as unseen.
+    convex cross-section that the value in the corner hardly occurs in: neither an image whose pores
+    happen to be zero passes, nor a particle cut out of its surroundings, whose shadow is no field of
+    view. Where the corner is no finite number, all that are none count as unseen.
     """
     nz, ny, nx = voxels.shape
     padding = voxels[0, 0, 0]
@@ -119,8 +122,19 @@ def find_field_of_view(voxels: Shaped[np.ndarray, "Z Y X"]) -> FieldOfView:
     for axis, unseen in enumerate((along_z, along_y, along_x)):
         footprint = _find_cross_section(unseen)
         if footprint is not None and footprint.mean() < best.footprint.mean():
-            best = FieldOfView(axis, footprint, (nz, ny, nx), has_gaps)
+            candidate = FieldOfView(axis, footprint, (nz, ny, nx), has_gaps)
+            if _is_filled(voxels, candidate, padding):
+                best = candidate
     return best
+
+
+def _is_filled(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, padding: np.generic) -> bool:
+    """Return whether little of what pads the box is within a field of view."""
+    seen = view.mask
+    padded = sum(
+        int(np.count_nonzero((part == padding) & row)) for part, row in zip(voxels, seen, strict=True)
+    )
+    return padded <= _MOST_PADDING * int(np.count_nonzero(view.footprint)) * view.shape[view.axis]
 
 
 def with_numbers_only(

@@ -21,6 +21,7 @@ from scipy import ndimage
 from mbstudio.core.errors import ScanError, SegmentationError
 from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
 from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.foreground import find_foreground
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.labelling import (
     build_grain_set,
@@ -34,10 +35,6 @@ from mbstudio.core.units import VoxelSize
 
 Progress = Callable[[float, str], None]
 
-# Grey values beyond these quantiles are clipped: a few heavy-mineral grains and their streaks
-# would otherwise draw Otsu's threshold, and the blur, towards them.
-_CLIPPED = (0.002, 0.99)
-_BINS = 1024
 # Peaks of the distance map that stand out less than this (in voxels) come from the voxel grid.
 _LEAST_DEPTH = 0.5
 # Enclosed gaps in the solid up to this size are noise.
@@ -53,12 +50,18 @@ class SegmentationSettings:
     denoise_sigma : float
         Standard deviation of the Gaussian blur before the threshold, in voxels; 0 for none.
     threshold : float or None
-        Grey value from which a voxel is grain; None for Otsu's inside the field of view.
+        Grey value from which a voxel is grain; None to find it from the surfaces between the phases.
+    ranges : tuple of float
+        Lower and upper ends of ranges of grey values, in pairs, instead of a threshold: grains are what
+        lies in one of them.
     splitting : float
         How readily touching grains are parted, 0 to 1: two are parted where the neck between
         them is narrower than this share of the smaller one's inscribed ball. 0 parts nothing.
     smallest_voxels : int
         Pieces of fewer voxels are no grains: they go to the grain that they touch most, or away.
+    dark : bool or None
+        Whether grains are darker than what lies between them; None to find it out: they are the side whose
+        surface is mostly convex.
     drop_border : bool
         Leave out grains that the box or the field of view cuts off.
 
@@ -70,21 +73,34 @@ class SegmentationSettings:
 
     denoise_sigma: float = 0.5
     threshold: float | None = None
+    ranges: tuple[float, ...] = ()
     splitting: float = 0.75
     smallest_voxels: int = 300
     drop_border: bool = False
+    dark: bool | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.denoise_sigma) and 0 <= self.denoise_sigma <= 20):
             raise SegmentationError(f"denoise_sigma={self.denoise_sigma} is impossible: give 0 to 20 voxels.")
         if self.threshold is not None and not math.isfinite(self.threshold):
             raise SegmentationError(f"threshold={self.threshold} is impossible: give a grey value or None.")
+        object.__setattr__(self, "ranges", tuple(float(end) for end in self.ranges))
+        self._check_ranges()
         if not 0 <= self.splitting <= 1:
             raise SegmentationError(
                 f"splitting={self.splitting} is impossible: give 0 (never) to 1 (at every neck)."
             )
         if not self.smallest_voxels >= 1:
             raise SegmentationError(f"smallest_voxels={self.smallest_voxels} is impossible: give 1 or more.")
+
+    def _check_ranges(self) -> None:
+        pairs = list(zip(self.ranges[::2], self.ranges[1::2], strict=False))
+        if len(self.ranges) % 2 or not all(low < high for low, high in pairs):
+            raise SegmentationError(
+                f"ranges={self.ranges} is impossible: give pairs of a lower and a higher grey value."
+            )
+        if self.ranges and self.threshold is not None:
+            raise SegmentationError("A threshold and ranges exclude each other: give one of them.")
 
 
 def segment(
@@ -126,9 +142,12 @@ def segment(
     voxels = with_numbers_only(voxels, view, scan.path or "The scan")
     _require_contrast(voxels, scan)
     tell(0.14, "Denoising")
-    mask, threshold = _threshold(voxels, view, scan.voxel_size, settings)
+    mask, parted = find_foreground(
+        scan, voxels, view, threshold=settings.threshold, ranges=settings.ranges, dark=settings.dark,
+        denoise_sigma=settings.denoise_sigma,
+    )  # fmt: skip
     del voxels
-    tell(0.40, f"Grains are brighter than {threshold:g}")
+    tell(0.40, parted)
     _fill_pinholes(mask, view)
     tell(0.50, "Measuring distances")
     landscape = _distance_map(mask, view, scan.voxel_size)
@@ -145,7 +164,7 @@ def segment(
         count = renumber_kept(labels, ~cut)
     if not count:
         raise SegmentationError(
-            f"No grains were found in {scan.path or 'the scan'} above the grey value {threshold:g}: "
+            f"No grains were found in {scan.path or 'the scan'}. {parted}: "
             "check the threshold, the smallest grain, and whether grains at the border are dropped."
         )
     tell(0.97, "Making the table")
@@ -174,68 +193,6 @@ def _require_contrast(voxels: Shaped[np.ndarray, "Z Y X"], scan: Scan) -> None:
         raise ScanError(
             f"{name} is constant: every voxel is {low:g}. Check that the right file was exported."
         )
-
-
-def _threshold(
-    voxels: Shaped[np.ndarray, "Z Y X"],
-    view: FieldOfView,
-    voxel_size: VoxelSize,
-    settings: SegmentationSettings,
-) -> tuple[Bool[np.ndarray, "Z Y X"], float]:
-    """Return which voxels are grain, and the grey value that parts them."""
-    seen = view.mask
-    low, high = _quantiles(voxels, seen)
-    if settings.threshold is not None:
-        high = max(high, settings.threshold + (high - low))
-    if low == high:  # nearly all voxels alike: the few others are what there is to see
-        low, high = float(voxels.min()), float(voxels.max())
-    grey = np.empty(voxels.shape, np.float32)
-    for part, target in zip(voxels, grey, strict=True):
-        target[:] = np.clip(part, low, high)
-    _denoise(grey, view, voxel_size, settings.denoise_sigma)
-    threshold = settings.threshold
-    if threshold is None:
-        threshold = _otsu(grey, seen)
-    mask = grey > threshold
-    mask &= seen
-    return mask, threshold
-
-
-def _quantiles(voxels: Shaped[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> tuple[float, float]:
-    """Return the grey values between which voxels are believed (of some ten million of them)."""
-    step = max(1, round((voxels.size / 1e7) ** (1 / 2)))
-    sample = voxels[:, ::step, ::step][seen[:, ::step, ::step]]
-    low, high = np.quantile(sample, _CLIPPED)
-    return float(low), float(high)
-
-
-def _denoise(
-    grey: Float[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize, sigma: float
-) -> None:
-    """Blur in place, with nothing flowing in from outside the field of view."""
-    if sigma == 0:
-        return
-    shortest = min(voxel_size.zyx)
-    sigmas = [sigma * shortest / edge for edge in voxel_size.zyx]
-    if not view.is_whole_box:
-        grey *= view.mask
-    ndimage.gaussian_filter(grey, sigmas, output=grey, mode="nearest")
-    if not view.is_whole_box:
-        across = [sigma for axis, sigma in enumerate(sigmas) if axis != view.axis]
-        weight = ndimage.gaussian_filter(view.footprint.astype(np.float32), across, mode="nearest")
-        grey /= view.over_volume(np.maximum(weight, 1e-3))
-
-
-def _otsu(grey: Float[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> float:
-    """Return Otsu's threshold of the seen voxels."""
-    from skimage.filters import threshold_otsu
-
-    low, high = float(grey.min(where=seen, initial=math.inf)), float(grey.max(where=seen, initial=-math.inf))
-    edges = np.linspace(low, high, _BINS + 1)
-    counts = np.zeros(_BINS, np.int64)
-    for part, part_seen in zip(grey, seen, strict=True):
-        counts += np.histogram(part[part_seen], bins=edges)[0]
-    return float(threshold_otsu(hist=(counts, (edges[:-1] + edges[1:]) / 2)))
 
 
 def part_mask(

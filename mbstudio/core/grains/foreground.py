@@ -1,0 +1,190 @@
+"""Which voxels of a scan are grain: field of view, noise, phases, threshold."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+from jaxtyping import Bool, Float, Shaped
+from scipy import ndimage
+
+from mbstudio.core.errors import SegmentationError, SegmentationWarning
+from mbstudio.core.grains.field_of_view import FieldOfView
+from mbstudio.core.grains.interfaces import find_interfaces
+from mbstudio.core.grains.phases import Phases, find_phases
+from mbstudio.core.grains.thresholding import brighter_than, threshold_of
+from mbstudio.core.scan.scan import Scan
+from mbstudio.core.units import VoxelSize
+
+# Grey values beyond these quantiles are clipped: a few heavy-mineral grains and their streaks
+# would otherwise draw Otsu's threshold, and the blur, towards them.
+_CLIPPED = (0.002, 0.99)
+_BINS = 1024
+
+
+def find_foreground(
+    scan: Scan,
+    voxels: Shaped[np.ndarray, "Z Y X"],
+    view: FieldOfView,
+    *,
+    threshold: float | None = None,
+    ranges: tuple[float, ...] = (),
+    dark: bool | None = None,
+    denoise_sigma: float = 0.5,
+) -> tuple[Bool[np.ndarray, "Z Y X"], str]:
+    """Return which voxels are grain, and what parts them from the rest, in words.
+
+    Parameters
+    ----------
+    scan : Scan
+    voxels : array, shape (Z, Y, X)
+        Its grey values.
+    view : FieldOfView
+    threshold, ranges, dark, denoise_sigma
+        As in :class:`~mbstudio.core.grains.segmentation.SegmentationSettings`.
+
+    Warns
+    -----
+    SegmentationWarning
+        If grains are found to be dark, or wetted by a third phase.
+
+    Raises
+    ------
+    SegmentationError
+        If nothing stands out from the noise.
+    """
+    if ranges or threshold is not None:
+        return _stated(scan, voxels, view, threshold, ranges, bool(dark), denoise_sigma)
+    phases = find_phases(find_interfaces(_clipped(voxels, -math.inf, math.inf), view.mask), dark)
+    if phases is None:
+        raise SegmentationError(
+            f"Nothing in {scan.path or 'the scan'} stands out from the noise, so there are no grains: "
+            "check that it is the right file, or state a threshold."
+        )
+    _warn_about(phases)
+    grey = _clipped(voxels, *_believed_range(voxels, view))
+    _denoise(grey, view, scan.voxel_size, denoise_sigma)
+    sign = -1.0 if phases.dark else 1.0
+    otsu = sign * _otsu(grey, view.mask)
+    found = threshold_of(phases, otsu, view.shape)
+    if found != otsu:
+        # What is clipped for Otsu's threshold may be the grains themselves.
+        reach = 2.0 * phases.contrast
+        ends = (sign * (phases.void - reach), sign * (phases.tones[-1] + reach))
+        grey = _clipped(voxels, min(ends), max(ends))
+        _denoise(grey, view, scan.voxel_size, denoise_sigma)
+    if phases.dark:
+        np.negative(grey, out=grey)
+    mask = brighter_than(grey, found)
+    mask &= view.mask
+    side = "darker" if phases.dark else "brighter"
+    if isinstance(found, float):
+        return mask, f"Grains are {side} than {sign * found:g}"
+    return (
+        mask,
+        f"Grains are {side} than a threshold that follows their surfaces, about {sign * phases.middle:g}",
+    )
+
+
+def _stated(
+    scan: Scan,
+    voxels: Shaped[np.ndarray, "Z Y X"],
+    view: FieldOfView,
+    threshold: float | None,
+    ranges: tuple[float, ...],
+    dark: bool,
+    denoise_sigma: float,
+) -> tuple[Bool[np.ndarray, "Z Y X"], str]:
+    """Return which voxels lie in ranges of grey values that were stated, and the ranges in words."""
+    if threshold is not None:
+        ranges = (-math.inf, threshold) if dark else (threshold, math.inf)
+        words = f"Grains are {'darker' if dark else 'brighter'} than {threshold:g}"
+    else:
+        between = [f"between {a:g} and {b:g}" for a, b in zip(ranges[::2], ranges[1::2], strict=True)]
+        words = "Grains lie " + " or ".join(between)
+    low, high = _believed_range(voxels, view)
+    ends = [end for end in ranges if math.isfinite(end)]
+    span = high - low
+    low = min(low, min(ends) - span) if dark or threshold is None else low
+    high = max(high, max(ends) + span)
+    grey = _clipped(voxels, low, high)
+    _denoise(grey, view, scan.voxel_size, denoise_sigma)
+    mask = np.zeros(grey.shape, np.bool_)
+    for start, end in zip(ranges[::2], ranges[1::2], strict=True):
+        mask |= (grey > start) & (grey <= end)
+    mask &= view.mask
+    return mask, words
+
+
+def _clipped(voxels: Shaped[np.ndarray, "Z Y X"], low: float, high: float) -> Float[np.ndarray, "Z Y X"]:
+    """Return the grey values in single precision, those beyond a range at its ends."""
+    grey = np.empty(voxels.shape, np.float32)
+    for part, target in zip(voxels, grey, strict=True):
+        target[:] = np.clip(part, low, high)
+    return grey
+
+
+def _warn_about(phases: Phases) -> None:
+    """Warn of what a person would want to know before believing the grains."""
+    sign = -1.0 if phases.dark else 1.0
+    if phases.dark:
+        warnings.warn(
+            "The grains are darker than what lies between them, judged by their convex side: "
+            "state that they are bright if that is wrong.",
+            SegmentationWarning,
+            stacklevel=4,
+        )
+    if phases.liquid is not None:
+        warnings.warn(
+            f"There are three phases: void ({sign * phases.void:g}), a liquid that wets the grains "
+            f"({sign * phases.liquid:g}) and grains ({sign * phases.tones[0]:g}). Only the last are grain: "
+            "state a threshold if that is wrong.",
+            SegmentationWarning,
+            stacklevel=4,
+        )
+
+
+def _believed_range(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView) -> tuple[float, float]:
+    """Return the grey values between which voxels are believed; all of them where nearly all are alike."""
+    low, high = _quantiles(voxels, view.mask)
+    if low == high:  # the few others are what there is to see
+        return float(voxels.min()), float(voxels.max())
+    return low, high
+
+
+def _quantiles(voxels: Shaped[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> tuple[float, float]:
+    """Return the grey values between which voxels are believed (of some ten million of them)."""
+    step = max(1, round((voxels.size / 1e7) ** (1 / 2)))
+    sample = voxels[:, ::step, ::step][seen[:, ::step, ::step]]
+    low, high = np.quantile(sample, _CLIPPED)
+    return float(low), float(high)
+
+
+def _denoise(
+    grey: Float[np.ndarray, "Z Y X"], view: FieldOfView, voxel_size: VoxelSize, sigma: float
+) -> None:
+    """Blur in place, with nothing flowing in from outside the field of view."""
+    if sigma == 0:
+        return
+    shortest = min(voxel_size.zyx)
+    sigmas = [sigma * shortest / edge for edge in voxel_size.zyx]
+    if not view.is_whole_box:
+        grey *= view.mask
+    ndimage.gaussian_filter(grey, sigmas, output=grey, mode="nearest")
+    if not view.is_whole_box:
+        across = [sigma for axis, sigma in enumerate(sigmas) if axis != view.axis]
+        weight = ndimage.gaussian_filter(view.footprint.astype(np.float32), across, mode="nearest")
+        grey /= view.over_volume(np.maximum(weight, 1e-3))
+
+
+def _otsu(grey: Float[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]) -> float:
+    """Return Otsu's threshold of the seen voxels."""
+    from skimage.filters import threshold_otsu
+
+    low, high = float(grey.min(where=seen, initial=math.inf)), float(grey.max(where=seen, initial=-math.inf))
+    edges = np.linspace(low, high, _BINS + 1)
+    counts = np.zeros(_BINS, np.int64)
+    for part, part_seen in zip(grey, seen, strict=True):
+        counts += np.histogram(part[part_seen], bins=edges)[0]
+    return float(threshold_otsu(hist=(counts, (edges[:-1] + edges[1:]) / 2)))
