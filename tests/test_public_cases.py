@@ -11,8 +11,8 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 CASES = REPOSITORY.parent / "shared" / "cases"
-# Cases of areas that are not mended yet: meshes, thresholds of dilute scans and of three phases.
-NOT_YET_MENDED = ("05", "06", "12", "13", "15", "28")
+# Cases of meshes, which are not mended yet.
+NOT_YET_MENDED = ("05", "06", "15")
 
 
 def _scripts() -> list[object]:
