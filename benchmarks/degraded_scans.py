@@ -1,7 +1,8 @@
 """What each degradation of a scan does to the grains that are found, beside Otsu's threshold.
 
-Run ``python benchmarks/degraded_scans.py``. Each row is the mean of three scans of other seeds than those that the
-method was chosen on, with the standard error of the mean. Truth: the labels that the scans were made of.
+Run ``python benchmarks/degraded_scans.py``. Each row is the mean of three scans of other seeds than those
+that the method was chosen on, with the standard error of the mean. Truth: the labels that the scans were made
+of.
 """
 
 from __future__ import annotations

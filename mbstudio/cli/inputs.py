@@ -138,19 +138,18 @@ def segmentation_options(
 
 def _grey_values(text: str | None) -> dict[str, Any]:
     """Read a threshold as ``120``, or ranges as ``90:140,200:255``."""
+    from mbstudio.core.grains.grey_ranges import read_ranges
+
     if text is None:
         return {}
+    if ":" in text:
+        return {"ranges": read_ranges(text)}
     try:
-        if ":" not in text:
-            return {"threshold": float(text)}
-        ranges = [tuple(map(float, part.split(":"))) for part in text.split(",")]
-        if any(len(ends) != 2 for ends in ranges):
-            raise ValueError(text)
+        return {"threshold": float(text)}
     except ValueError as error:
         raise MbstudioError(
             f"--threshold '{text}' cannot be read: write one grey value as 120, or ranges as 90:140,200:255."
         ) from error
-    return {"ranges": tuple(end for ends in ranges for end in ends)}
 
 
 def find_grains(project: Project, labels: Path | None, settings: dict[str, Any]) -> GrainSet:

@@ -11,6 +11,7 @@ import pytest
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
 from mbstudio.core.grains import SegmentationSettings, segment
 from mbstudio.core.grains.agreement import agreement
+from mbstudio.core.grains.grey_ranges import read_ranges, write_ranges
 from mbstudio.core.grains.interfaces import find_interfaces
 from mbstudio.core.grains.phases import find_phases
 from mbstudio.core.scan import Scan
@@ -111,3 +112,11 @@ def test_ranges_that_are_none_are_refused(ranges: tuple[float, ...]) -> None:
 def test_a_stated_threshold_holds_for_dark_grains_too() -> None:
     truth = scattered(0.05)
     assert f1_of(scanned(truth, dark=True), truth, dark=True, threshold=VOID + 0.5 * CONTRAST) == 1.0
+
+
+def test_ranges_are_read_as_they_are_written() -> None:
+    assert read_ranges("90:140, 200:255.5") == (90.0, 140.0, 200.0, 255.5)
+    assert read_ranges(write_ranges((90.0, 140.0, 200.0, 255.5))) == (90.0, 140.0, 200.0, 255.5)
+    for text in ("", "90", "90:", "90:140:3", "a:b", "140:90", "1:inf"):
+        with pytest.raises(SegmentationError, match="grey value"):
+            read_ranges(text)

@@ -7,12 +7,14 @@ from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
     QHBoxLayout,
+    QLineEdit,
     QSpinBox,
     QVBoxLayout,
     QWidget,
 )
 
 from mbstudio.core.formulas import nominal_diameters
+from mbstudio.core.grains.grey_ranges import read_ranges, write_ranges
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.units import unit_label
 from mbstudio.ui.language import tr
@@ -48,8 +50,15 @@ class GrainPanel(Panel):
         self.smoothing.setSingleStep(0.1)
         self.smoothing.setDecimals(1)
         self.threshold_kind = QComboBox()
-        self.threshold_kind.addItem(tr("Automatic"), False)
-        self.threshold_kind.addItem(tr("By hand"), True)
+        self.threshold_kind.addItem(tr("Automatic"), "")
+        self.threshold_kind.addItem(tr("By hand"), "threshold")
+        self.threshold_kind.addItem(tr("Ranges"), "ranges")
+        self.ranges = QLineEdit()
+        self.ranges.setPlaceholderText("90:140, 200:255")
+        self.tone = QComboBox()
+        self.tone.addItem(tr("Found"), None)
+        self.tone.addItem(tr("Brighter than the pores"), False)
+        self.tone.addItem(tr("Darker than the pores"), True)
         self.threshold = QDoubleSpinBox()
         self.threshold.setRange(-1e9, 1e9)
         self.threshold.setDecimals(1)
@@ -74,18 +83,26 @@ class GrainPanel(Panel):
                 tr("voxels"),
             ),
             row(
+                tr("Grains are"),
+                self.tone,
+                tr("Found: the side whose surface is mostly convex"),
+            ),
+            row(
                 tr("Threshold"),
                 self.threshold_kind,
                 tr(
-                    "Grey value that separates grains from pores; automatic: Otsu's threshold inside the "
-                    "field of view"
+                    "Grey value that separates grains from pores; automatic: half-way between what meets "
+                    "at their surfaces, which may differ from place to place"
                 ),
             ),
         )
         self._threshold_row = row(
             tr("Grey value"), self.threshold, tr("Voxels at least this bright are grain")
         )
-        self.add(self._threshold_row, self.splitting)
+        self._ranges_row = row(
+            tr("Grey values"), self.ranges, tr("Voxels in one of these ranges are grain: low:high, low:high")
+        )
+        self.add(self._threshold_row, self._ranges_row, self.splitting)
         self.add(
             row(
                 tr("Smallest grain"),
@@ -128,11 +145,13 @@ class GrainPanel(Panel):
         self.foot.addLayout(line)
 
     def settings(self) -> SegmentationSettings:
-        """Return the settings as they stand in the panel."""
-        by_hand = bool(self.threshold_kind.currentData())
+        """Return the settings as they stand in the panel; SegmentationError for ranges that are none."""
+        kind = self.threshold_kind.currentData()
         return SegmentationSettings(
             denoise_sigma=self.smoothing.value(),
-            threshold=self.threshold.value() if by_hand else None,
+            threshold=self.threshold.value() if kind == "threshold" else None,
+            ranges=read_ranges(self.ranges.text()) if kind == "ranges" else (),
+            dark=self.tone.currentData(),
             splitting=self.splitting.value,
             smallest_voxels=self.smallest.value(),
             drop_border=self.drop_border.isChecked(),
@@ -141,7 +160,10 @@ class GrainPanel(Panel):
     def show_settings(self, settings: SegmentationSettings) -> None:
         """Put settings into the fields."""
         self.smoothing.setValue(settings.denoise_sigma)
-        self.threshold_kind.setCurrentIndex(0 if settings.threshold is None else 1)
+        kind = "ranges" if settings.ranges else "threshold" if settings.threshold is not None else ""
+        self.threshold_kind.setCurrentIndex(self.threshold_kind.findData(kind))
+        self.ranges.setText(write_ranges(settings.ranges))
+        self.tone.setCurrentIndex((None, False, True).index(settings.dark))
         if settings.threshold is not None:
             self.threshold.setValue(settings.threshold)
         self.splitting.set_value(settings.splitting)
@@ -154,7 +176,7 @@ class GrainPanel(Panel):
         self.threshold.setRange(low, high)
         self.threshold.setDecimals(0 if high - low > 50 else 3)
         self.threshold.setSingleStep(max((high - low) / 100, 0.001))
-        if not self.threshold_kind.currentData():
+        if self.threshold_kind.currentData() != "threshold":
             self.threshold.setValue((low + high) / 2)
 
     def refresh(self) -> None:
@@ -180,7 +202,9 @@ class GrainPanel(Panel):
         self.histogram.mark(diameter)
 
     def _threshold_kind_changed(self) -> None:
-        self._threshold_row.setVisible(bool(self.threshold_kind.currentData()))
+        kind = self.threshold_kind.currentData()
+        self._threshold_row.setVisible(kind == "threshold")
+        self._ranges_row.setVisible(kind == "ranges")
 
     def _take_settings(self) -> None:
         if self._workspace.state.segmentation is not None:

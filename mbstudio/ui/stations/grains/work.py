@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from mbstudio.core.batch.segmenting import segment_in_process
-from mbstudio.core.errors import GrainWarning
+from mbstudio.core.errors import GrainWarning, SegmentationWarning
 from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.ui.language import tr
@@ -24,11 +24,14 @@ class GrainWork(Work):
         if scan is None:
             return None
 
-        def work(control: Control) -> GrainSet:
-            return segment_in_process(scan, settings, progress=control.progress)
+        def work(control: Control) -> tuple[GrainSet, tuple[str, ...]]:
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always", SegmentationWarning)
+                grains = segment_in_process(scan, settings, progress=control.progress)
+            return grains, _notes(told, SegmentationWarning)
 
         task = Task(tr("Finding grains"), work)
-        task.succeeded.connect(lambda grains: self._take(scan, grains, settings))
+        task.succeeded.connect(lambda found: self._take(scan, found[0], settings, found[1]))
         return self.queue.submit(task)
 
     def load(self, path: Path) -> Task | None:
@@ -41,7 +44,7 @@ class GrainWork(Work):
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter("always", GrainWarning)
                 grains = load_labels(path, scan)
-            return grains, tuple(str(one.message) for one in told if issubclass(one.category, GrainWarning))
+            return grains, _notes(told, GrainWarning)
 
         task = Task(tr("Loading {name}", name=path.name), work)
         task.succeeded.connect(lambda loaded: self._take(scan, loaded[0], None, loaded[1]))
@@ -76,3 +79,8 @@ class GrainWork(Work):
             inside=inside,
         )
         self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
+
+
+def _notes(told: list[warnings.WarningMessage], kind: type[Warning]) -> tuple[str, ...]:
+    """Return what warnings of a kind say."""
+    return tuple(str(one.message) for one in told if issubclass(one.category, kind))
