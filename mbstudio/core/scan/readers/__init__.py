@@ -1,4 +1,4 @@
-"""Readers, one module a file family: a new family is a new module and one line here."""
+"""Readers, one module a file family. A new one is a module that ends with its ``FAMILY``, and a line here."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ FAMILIES: tuple[Family, ...] = (
     hdf5.FAMILY,
 )
 
+SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
+"""Endings of all files that are read."""
 
 # What people try to open as a scan, and what to do instead.
 _OTHERS = {
@@ -52,11 +54,11 @@ def family_of(path: Path, options: ReadOptions) -> Family:
         return raw.FAMILY
     if suffix in _OTHERS:
         raise ScanError(f"{path} {_OTHERS[suffix]}.")
-    endings = ", ".join(suffix for family in FAMILIES for suffix in family.suffixes)
+    endings = ", ".join(SUFFIXES)
     raise ScanError(
         f"{path} is not a scan that mbstudio can read ({endings}, or a folder of slices): "
         "for RAW voxels give shape and dtype."
     )
 
 
-__all__ = ["FAMILIES", "Family", "ReadOptions", "Reading", "family_of", "split_dataset"]
+__all__ = ["FAMILIES", "SUFFIXES", "Family", "ReadOptions", "Reading", "family_of", "split_dataset"]

@@ -202,18 +202,19 @@ class PrincipalTrainer:
         self.steps, self.record_every, self.annealing_ends = 0, 1, 0
         self.notes: tuple[str, ...] = ()
 
-    def _fitted(self, rows: Int[np.ndarray, " rows"]) -> PrincipalModel:
+    def fit(self, rows: Int[np.ndarray, " rows"]) -> PrincipalModel:
+        """Return the model of these parents."""
         data = self.data
         return PrincipalModel.fit(data.parents.take(rows), latents=self.options.latents, scaler=data.scaler)
 
     def rms(self, rows: Int[np.ndarray, " rows"]) -> float:
         """Return the mean surface distance of these parents and what those trained on make of them."""
-        model, some = self._fitted(self.data.trained), self.data.parents.take(rows)
+        model, some = self.fit(self.data.trained), self.data.parents.take(rows)
         return float(surface_rms(some, model.decode(model.encode(some))).mean())
 
     def model(self, weights: Tensors) -> PrincipalModel:
         """Return the model of all parents."""
-        return self._fitted(np.arange(len(self.data.parents)))
+        return self.fit(np.arange(len(self.data.parents)))
 
     def advance(self, step: int) -> Any:
         """Refuse: there is no step to make."""

@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.formulas import nominal_diameter
+from mbstudio.core.scan.readers import SUFFIXES, raw
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.grains.panel import GrainPanel
 from mbstudio.ui.stations.grains.table import GrainTable
@@ -68,11 +69,12 @@ class GrainLink(QObject):
 
     def ask_labels(self) -> None:
         """Let the person choose a label image."""
+        kinds = " ".join(f"*{suffix}" for suffix in SUFFIXES if suffix not in raw.FAMILY.suffixes)
         name, _ = QFileDialog.getOpenFileName(
             self._studio.host,
             tr("Load labels"),
             self._studio.path_for(),
-            tr("Label images (*.tif *.tiff *.npy *.nrrd *.mhd *.mha *.h5);;All files (*)"),
+            tr("Label images ({endings});;All files (*)", endings=kinds),
         )
         if name:
             self._work.load(Path(name))

@@ -7,10 +7,11 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QFileDialog
 
+from mbstudio.core.scan.readers import SUFFIXES
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.scan.dialog import ScanDialog
 from mbstudio.ui.stations.scan.panel import ScanPanel
-from mbstudio.ui.stations.scan.work import SCAN_SUFFIXES, ScanWork
+from mbstudio.ui.stations.scan.work import ScanWork
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.scene_view import SceneView
 
@@ -53,7 +54,7 @@ class ScanLink(QObject):
 
     def ask_scan(self) -> None:
         """Let the person choose a scan file."""
-        kinds = " ".join(f"*{suffix}" for suffix in SCAN_SUFFIXES)
+        kinds = " ".join(f"*{suffix}" for suffix in SUFFIXES)
         name, _ = QFileDialog.getOpenFileName(
             self._studio.host,
             tr("Open scan"),

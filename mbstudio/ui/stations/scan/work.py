@@ -13,6 +13,7 @@ from mbstudio.core.errors import ScanError, ScanWarning, UnitError
 from mbstudio.core.project import ScanReference
 from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reopen
 from mbstudio.core.scan import Scan, open_scan, sample_scan
+from mbstudio.core.scan.readers import raw
 from mbstudio.core.units import VoxelSize
 from mbstudio.scene.layers.slices import sample_of_voxels
 from mbstudio.ui.language import tr
@@ -21,10 +22,6 @@ from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
-RAW_SUFFIXES = {".raw", ".bin", ".vol", ".dat"}
-SCAN_SUFFIXES = (
-    ".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mhd", ".mha", ".h5", ".hdf5", ".nxs", *sorted(RAW_SUFFIXES)
-)  # fmt: skip
 IN_MEMORY = 4 * 2**30  # bytes up to which lazy slices are read at once, so that every cut is quick
 
 
@@ -40,7 +37,7 @@ class OpenedScan:
 
 def is_raw(path: Path) -> bool:
     """Return whether a file's shape must be told."""
-    return path.suffix.lower() in RAW_SUFFIXES
+    return path.suffix.lower() in raw.FAMILY.suffixes
 
 
 class ScanWork(Work):
