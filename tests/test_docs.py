@@ -60,7 +60,9 @@ HELP = {"-h", "--help"}
 ALL_OPTIONS = HELP.union(_options(COMMAND), *(_options(command) for command in COMMAND.commands.values()))
 
 
-@documents
+@pytest.mark.parametrize(
+    "document", [*DOCUMENTS, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"], ids=lambda path: path.name
+)
 def test_links_lead_to_pages_and_headings_that_exist(document: Path) -> None:
     for link in _LINK.findall(_prose(document)):
         if link.startswith(("https://", "http://")):
