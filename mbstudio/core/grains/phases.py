@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32, Int32
 from scipy import ndimage
 
 from mbstudio.core.grains.interfaces import Interfaces
@@ -74,6 +74,15 @@ class Phases:
     interfaces: Interfaces
 
     @property
+    def whole_middles(self) -> tuple[Int32[np.ndarray, "w 3"], Float32[np.ndarray, " w"]]:
+        """Places and middles of the interfaces both of whose sides are wide enough to show their levels.
+
+        Between grains that nearly touch, the void's own level is not reached: the middle lies too high there.
+        """
+        whole = _is_whole(self.interfaces)
+        return self.interfaces.places[whole], self.interfaces.middles[whole]
+
+    @property
     def base(self) -> float:
         """Level of what the darkest grains are parted from."""
         return self.void if self.liquid is None else self.liquid
@@ -131,7 +140,8 @@ def find_phases(interfaces: Interfaces, dark: bool | None = None) -> Phases | No
     )
     if len(own) < LEAST_INTERFACES:
         return None
-    early, late = np.quantile(own.middles, (0.1, 0.9))
+    whole = own.middles[_is_whole(own)]
+    early, late = np.quantile(whole, (0.1, 0.9))
     spread = float(late - early) / max(float(np.median(own.contrasts)), 1e-300)
     curvature = _curvature(own, np.ones(len(own), np.bool_))
     return Phases(kinds, void, tones, liquid, dark, curvature, spread, own)
@@ -192,6 +202,11 @@ def _belonging(interfaces: Interfaces, kinds: tuple[Kind, ...], contrast: float)
         away = np.square(interfaces.lows - kind.low) + np.square(interfaces.highs - kind.high)
         belonging |= away < np.square(_NEAR * contrast)
     return belonging
+
+
+def _is_whole(interfaces: Interfaces) -> Bool[np.ndarray, " m"]:
+    contrasts = interfaces.contrasts
+    return np.asarray(contrasts >= np.median(contrasts))
 
 
 def _curvature(interfaces: Interfaces, chosen: Bool[np.ndarray, " m"]) -> float:

@@ -11,10 +11,9 @@ from scipy import ndimage
 
 from mbstudio.core.grains.phases import Phases
 
-UNEVEN = 0.27
+UNEVEN = 0.2
 """Spread of the interfaces' middles, in contrasts, from which one threshold does not serve the whole scan."""
 _AGREEING = 0.12  # contrasts between Otsu's threshold and the middle of the phases
-_WHOLE = 1.0  # median contrasts: of interfaces both of whose sides are wide enough to show their levels
 _NEAR, _FAR = 2.5, 14.0  # voxels: over which the middles of interfaces are averaged
 _COARSE = 4  # voxels to an edge of the grid for the wider average
 _SLAB = 48
@@ -130,11 +129,8 @@ def threshold_of(phases: Phases, otsu: float, shape: tuple[int, int, int]) -> fl
         own = phases.interfaces
         if len(phases.tones) > 1:
             return LocalThreshold(shape, own.places, own.middles, phases.middle, near=True)
-        # Between grains that nearly touch, the void's own level is not come to: the middle lies too high
-        # there.
-        whole = own.contrasts > _WHOLE * float(np.median(own.contrasts))
-        middles = own.middles[whole]
-        return LocalThreshold(shape, own.places[whole], middles, float(np.median(middles)), near=False)
+        places, middles = phases.whole_middles
+        return LocalThreshold(shape, places, middles, float(np.median(middles)), near=False)
     if abs(otsu - phases.middle) <= _AGREEING * phases.contrast and phases.liquid is None:
         return otsu
     return phases.middle
