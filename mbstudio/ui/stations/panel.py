@@ -58,12 +58,3 @@ class Panel(QFrame):
         """Begin a group of the body."""
         self.body.addSpacing(8)
         self.body.addWidget(label(text, "heading"))
-
-    def add_buttons(self, *buttons: QWidget) -> None:
-        """Put buttons side by side into the body."""
-        line = QHBoxLayout()
-        line.setSpacing(8)
-        for button in buttons:
-            line.addWidget(button)
-        line.addStretch(1)
-        self.body.addLayout(line)

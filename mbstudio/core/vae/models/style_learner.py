@@ -65,11 +65,6 @@ class StyleLearner:
         latents.flags.writeable = False
         object.__setattr__(self, "latents", latents)
 
-    @classmethod
-    def from_model(cls, model: ShapeModel, parents: Serialization, card: ModelCard) -> StyleLearner:
-        """Return the learner of a model, its parents encoded."""
-        return cls(model, parents, model.encode(parents), card)
-
     @property
     def preset(self) -> str:
         """Name of the preset that its model is of."""

@@ -15,7 +15,6 @@ from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reop
 from mbstudio.core.scan import Scan, open_scan, sample_scan
 from mbstudio.core.scan.readers import raw
 from mbstudio.core.units import VoxelSize
-from mbstudio.scene.layers.slices import sample_of_voxels
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.scan.dialog import ScanAnswer
 from mbstudio.ui.stations.work import Work
@@ -137,19 +136,6 @@ class ScanWork(Work):
             # The window has a button where the command line has an option.
             self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("locate the file")))
 
-    def change_voxel_size(self, size: VoxelSize) -> None:
-        """Correct the voxel size of the present scan; grains and fits no longer hold."""
-        reference = self.workspace.state.scan
-        if reference is None or reference.voxel_size == size:
-            return
-        self.workspace.change(
-            tr("Change voxel size"),
-            scan=replace(reference, voxel_size=size),
-            grains=None,
-            fits={},
-            segmentation=None,
-        )
-
     def _give(self, project: object, scan: Scan) -> None:
         if project is self.workspace.project and scan is not None:
             self.workspace.give_scan(scan)
@@ -178,8 +164,3 @@ def _opened(scan: Scan, title: str, name: str) -> OpenedScan:
     if not isinstance(scan.voxels, np.ndarray) and size <= IN_MEMORY:
         scan = replace(scan, voxels=scan.load())
     return OpenedScan(scan, refer_to(scan), title, name)
-
-
-def grey_values(scan: Scan) -> np.ndarray:
-    """Return grey values for a histogram."""
-    return sample_of_voxels(scan)
