@@ -11,22 +11,13 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 CASES = REPOSITORY.parent / "shared" / "cases"
-# Cases of meshes, which are not mended yet.
-NOT_YET_MENDED = ("05", "06", "15")
 
 
 def _scripts() -> list[object]:
     scripts = sorted(CASES.glob("case_*.py")) if CASES.is_dir() else []
     if not scripts:
         return [pytest.param(None, marks=pytest.mark.skip(reason=f"{CASES} is not there"), id="absent")]
-    return [
-        pytest.param(
-            script,
-            id=script.stem,
-            marks=[pytest.mark.skip(reason="not yet mended")] if script.stem[5:7] in NOT_YET_MENDED else [],
-        )
-        for script in scripts
-    ]
+    return [pytest.param(script, id=script.stem) for script in scripts]
 
 
 @pytest.mark.parametrize("script", _scripts())

@@ -66,13 +66,13 @@ class ByHand:
 
     def _of_file(self, path: Path) -> np.ndarray:
         from mbstudio.core.dem.formats.metaball import read_metaball
-        from mbstudio.core.vae.serialize.mesh_folder import read_mesh
+        from mbstudio.core.vae.serialize.mesh_folder import read_one_body
         from mbstudio.core.vae.shaping.latent import project_bodies
 
         body: Body
         if inputs.is_mesh(path):
-            body = mesh = read_mesh(path)
-            mesh.units, mesh.metadata["name"] = self._unit or self.learner.unit, path.stem
+            body = mesh = read_one_body(path, self._unit)
+            mesh.units = mesh.units or self.learner.unit
         else:
             body = read_metaball(path)
         latent: np.ndarray = project_bodies(self.learner, [body])[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -41,8 +41,12 @@ If the project or scan has no grains yet, they are found first. When interrupted
 saves the finished avatars; the same command then continues with the rest.
 """
 
-SourceArgument = Annotated[
-    Path, typer.Argument(metavar="SCAN|PROJECT|MESH", help="A scan, a project, or a closed surface mesh.")
+SourcesArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SCAN|PROJECT|MESHES...",
+        help="A scan, a project, or closed surface meshes: files, folders or patterns.",
+    ),
 ]
 NOption = Annotated[int, typer.Option("-n", "--control-points", help="Control points of each avatar.")]
 OutputOption = Annotated[
@@ -97,7 +101,7 @@ EmbedScanOption = Annotated[
 
 
 def fit(
-    source: SourceArgument,
+    sources: SourcesArgument,
     voxel_size: inputs.VoxelSizeOption = None,
     n: NOption = 40,
     output: OutputOption = None,
@@ -127,7 +131,6 @@ def fit(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio fit``; `HELP` says what it does."""
-    from mbstudio.core.grains import Grain
     from mbstudio.core.imaging.goals.fit_goal import FitGoal
     from mbstudio.core.imaging.options import read_options
     from mbstudio.core.project import FitSettings, Project
@@ -135,12 +138,13 @@ def fit(
     begun = time.monotonic()
     options = read_options(method, [f"cavities={cavities}", *(option or ())])  # type: ignore[arg-type]
     aims = str(FitGoal.parse(target)) if target is not None else ""
-    output = _choose_output(source, output)
+    meshes = inputs.meshes_among(sources)
+    source = sources[0]
+    output = _choose_output(meshes or sources, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
-    if inputs.is_mesh(source):
+    if meshes is not None:
         project = Project.new()
-        grain_set = inputs.grains_of_mesh(Grain.from_mesh(source, resolution=resolution, unit=unit))
-        project.change("Load mesh", grains=grain_set)
+        project.change("Load mesh", grains=inputs.grains_of_meshes(meshes, resolution, unit, cavities))
     elif inputs.is_project(source):
         project = Project.open(source)
         if scan is not None:
@@ -161,11 +165,7 @@ def fit(
 
     summary = summarise(project.grains, outcome.fits, outcome.failures, time.monotonic() - begun)
     summary["project"] = str(output) if output.exists() else None
-    if as_json:
-        console.print_json({**summary, "failures": outcome.failures, "interrupted": outcome.interrupted})
-    else:
-        console.print_facts(f"Avatars of {source.name}", summary)
-    _tell_failures_and_warnings(outcome)
+    _tell_outcome(inputs.title_of(sources), summary, project.grains, outcome, as_json)
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(
@@ -174,8 +174,25 @@ def fit(
         raise typer.Exit(INTERRUPTED)
     if chosen and not outcome.fits:
         raise FitError(
-            f"None of the {len(chosen)} grains of {source} could be fitted: the reasons are listed above."
+            f"None of the {len(chosen)} grains of {inputs.title_of(sources)} could be fitted: "
+            "the reasons are listed above."
         )
+
+
+def _tell_outcome(
+    title: str, summary: dict[str, Any], grains: GrainSet, outcome: Outcome, as_json: bool
+) -> None:
+    names = _names_of(grains)
+    if as_json:
+        told = {"names": names} if names else {}
+        console.print_json(
+            {**summary, **told, "failures": outcome.failures, "interrupted": outcome.interrupted}
+        )
+    else:
+        console.print_facts(f"Avatars of {title}", summary)
+        if len(names) > 1:
+            console.print_table("Grains of the meshes", ("grain", "name"), list(names.items()))
+    _tell_failures_and_warnings(outcome)
 
 
 def _tell_failures_and_warnings(outcome: Outcome) -> None:
@@ -200,9 +217,18 @@ class Outcome:
         self.interrupted = False
 
 
-def _choose_output(source: Path, output: Path | None) -> Path:
-    if not source.exists():
-        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
+def _names_of(grains: GrainSet) -> dict[int, str]:
+    """Return the names of grains that were made of meshes."""
+    if "name" not in grains.table:
+        return {}
+    return dict(zip(map(int, grains.table["label"]), map(str, grains.table["name"]), strict=True))
+
+
+def _choose_output(sources: Sequence[Path], output: Path | None) -> Path:
+    for source in sources:
+        if not source.exists():
+            raise MbstudioError(f"{source} does not exist: check the name and the folder.")
+    source = sources[0] if len(sources) == 1 else sources[0].parent.resolve()
     if output is not None:
         return inputs.require_project_output(output)
     if inputs.is_project(source):

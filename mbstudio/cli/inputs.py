@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,12 +13,13 @@ from mbstudio.cli import console
 from mbstudio.core.errors import MbstudioError, ProjectError
 
 if TYPE_CHECKING:
-    from mbstudio.core.grains import Grain, GrainSet
+    from mbstudio.core.grains import GrainSet
+    from mbstudio.core.meshes.bodies import Cavities
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan
 
 PROJECT_ENDING = ".mbs"
-MESH_ENDINGS = (".stl", ".ply", ".obj", ".off")
+_SLICE_ENDINGS = (".tif", ".tiff", ".png", ".bmp", ".jpg", ".jpeg", ".dcm")
 
 VoxelSizeOption = Annotated[
     str | None,
@@ -63,6 +65,10 @@ WorkersOption = Annotated[
 UnitOption = Annotated[
     str | None, typer.Option("--unit", help="Length unit of a mesh's coordinates: nm, um, mm, cm or m.")
 ]
+MeshCavitiesOption = Annotated[
+    str,
+    typer.Option("--cavities", help="'fill' cavities that the body of a mesh encloses, or 'keep' them."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result, as JSON, on stdout.")]
 
 
@@ -71,9 +77,59 @@ def is_project(path: Path) -> bool:
     return path.suffix.lower() == PROJECT_ENDING
 
 
+def meshes_among(sources: Sequence[Path]) -> list[Path] | None:
+    """Return the mesh files that are meant by files, folders and patterns; None if it is one scan or project.
+
+    Raises
+    ------
+    MbstudioError
+        If there are several inputs and one of them is no mesh, or a folder or pattern holds none.
+    """
+    from mbstudio.core.meshes.listing import find_meshes
+
+    if len(sources) == 1 and not _means_meshes(sources[0]):
+        return None
+    for source in sources:
+        if not _means_meshes(source):
+            if not source.exists():
+                raise MbstudioError(f"{source} does not exist: check the name and the folder.")
+            raise MbstudioError(
+                f"{source} is no mesh, nor a folder of them: give several inputs only of meshes "
+                f"({', '.join(mesh_endings())}), and scans or projects one at a time."
+            )
+    return find_meshes(sources)
+
+
 def is_mesh(path: Path) -> bool:
     """Return whether a file is a surface mesh, by its ending."""
-    return path.suffix.lower() in MESH_ENDINGS
+    return path.suffix.lower() in mesh_endings()
+
+
+def mesh_endings() -> tuple[str, ...]:
+    """Return the endings of mesh files."""
+    from mbstudio.core.meshes.endings import MESH_ENDINGS
+
+    return MESH_ENDINGS
+
+
+def _means_meshes(source: Path) -> bool:
+    """Return whether a file, folder or pattern stands for meshes; slices with a stray mesh do not."""
+    if source.is_dir():
+        endings = [path.suffix.lower() for path in source.iterdir() if path.is_file()]
+        meshes = sum(ending in mesh_endings() for ending in endings)
+        return meshes > sum(ending in _SLICE_ENDINGS for ending in endings)
+    return is_mesh(source) or (not source.exists() and any(sign in str(source) for sign in "*?["))
+
+
+def one_input(sources: Sequence[Path]) -> Path:
+    """Return the scan or project that was given."""
+    (source,) = sources
+    return source
+
+
+def title_of(sources: Sequence[Path]) -> str:
+    """Return what to call inputs in a heading."""
+    return sources[0].name if len(sources) == 1 else f"{len(sources)} inputs"
 
 
 def open_input_scan(
@@ -173,16 +229,34 @@ def find_grains(project: Project, labels: Path | None, settings: dict[str, Any])
     return grains
 
 
-def grains_of_mesh(grain: Grain) -> GrainSet:
-    """Return the set of one grain that was made of a mesh, so that a project can hold it."""
-    import numpy as np
+def grains_of_meshes(meshes: Sequence[Path], resolution: int, unit: str | None, cavities: str) -> GrainSet:
+    """Return the bodies of meshes as one set of grains, so that a project can hold them.
 
-    from mbstudio.core.grains.labelling import build_grain_set
+    Files that cannot be read are told, unless there is no other.
+    """
+    from mbstudio.core.grains.mesh_set import grain_set_from_meshes
 
-    # A margin of one voxel: the grain is whole, no border cuts it off.
-    labels = np.pad(grain.mask.astype(np.int32), 1)
-    x, y, z = (float(place - edge) for place, edge in zip(grain.origin, grain.voxel_size.xyz, strict=True))
-    return build_grain_set(labels, grain.voxel_size, (x, y, z))
+    return grain_set_from_meshes(
+        meshes,
+        resolution,
+        unit,
+        require_cavities(cavities),
+        on_failure=tell_failure if len(meshes) > 1 else None,
+    )
+
+
+def require_cavities(word: str) -> Cavities:
+    """Return what to do with cavities, or refuse the word."""
+    if word == "fill":
+        return "fill"
+    if word == "keep":
+        return "keep"
+    raise MbstudioError(f"--cavities '{word}' is not known: use 'fill' or 'keep'.")
+
+
+def tell_failure(_path: Path, error: MbstudioError) -> None:
+    """Tell why one of many files was left out."""
+    console.tell(f"mbstudio: left out: {error}")
 
 
 def require_project_output(path: Path) -> Path:

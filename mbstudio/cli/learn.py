@@ -36,11 +36,11 @@ preset and number of control points are those of the given style-learner; it doe
 
 
 def learn(
-    source: Annotated[
-        Path,
+    sources: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="PROJECT|FOLDER",
-            help="A project with grains, a folder of meshes, or an .npz file of avatars.",
+            metavar="PROJECT|MESHES...",
+            help="A project with grains, meshes or folders of them, or an .npz file of avatars.",
         ),
     ],
     folder: Annotated[
@@ -92,7 +92,7 @@ def learn(
         options["steps"] = steps
     template = None if known is None else known.template
     parents = _parents(
-        source, n, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
+        sources, n, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
     )
     training: StyleTraining
     if known is None:
@@ -105,7 +105,7 @@ def learn(
     if as_json:
         console.print_json({**summary, "notes": learner.card.notes, "interrupted": interrupted})
     else:
-        console.print_facts(f"Style of {source.name}", summary)
+        console.print_facts(f"Style of {inputs.title_of(sources)}", summary)
         for note in learner.card.notes:
             console.tell(f"mbstudio: {note}")
     if interrupted:
@@ -124,30 +124,30 @@ def _require_folder(folder: Path) -> None:
 
 
 def _parents(
-    source: Path, n: int, seed: int, grains: str | None, limit: int | None, from_avatars: bool,
+    sources: list[Path], n: int, seed: int, grains: str | None, limit: int | None, from_avatars: bool,
     unit: str | None, workers: int, template: Template | None,
 ) -> Serialization:  # fmt: skip
     """Return the serialized parents of whatever was given."""
-    from mbstudio.core.vae.serialize.mesh_folder import read_mesh
+    from mbstudio.core.vae.serialize.mesh_folder import read_parents
     from mbstudio.core.vae.serialize.serialization import load_serialization
     from mbstudio.core.vae.serialize.serializer import serialize
 
-    if not source.exists():
-        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
-    if source.suffix.lower() == ".npz":
-        return load_serialization(source)
     bodies: list[Any]
-    if source.is_dir():
-        stored = sorted(source.glob("*.npz"))
-        meshes = sorted(path for path in source.iterdir() if inputs.is_mesh(path))[:limit]
-        if len(stored) == 1 and not meshes:
-            return load_serialization(stored[0])
-        if not meshes:
-            raise MbstudioError(
-                f"{source} holds no meshes (.stl, .ply, .obj, .off): give a project or another folder."
-            )
-        bodies, names = [read_mesh(path) for path in meshes], [path.stem for path in meshes]
+    stored = _stored(sources[0]) if len(sources) == 1 else None
+    if stored is not None:
+        return load_serialization(stored)
+    meshes = inputs.meshes_among(sources)
+    source = sources[0]
+    if meshes is not None:
+        bodies, names = read_parents(meshes, unit, limit)
     else:
+        if not source.exists():
+            raise MbstudioError(f"{source} does not exist: check the name and the folder.")
+        if source.is_dir():
+            raise MbstudioError(
+                f"{source} holds no meshes ({', '.join(inputs.mesh_endings())}): "
+                "give a project or another folder."
+            )
         project, labels = chosen_grains(source, grains, limit)
         if from_avatars:
             labels = [label for label in labels if label in project.fits]
@@ -173,6 +173,16 @@ def _parents(
         if entry.category.__module__.startswith("mbstudio"):
             console.tell(f"mbstudio: {entry.message}")
     return found
+
+
+def _stored(source: Path) -> Path | None:
+    """Return the file of serialized avatars that is meant, alone or in a folder without meshes."""
+    if source.suffix.lower() == ".npz" and source.exists():
+        return source
+    if not source.is_dir() or any(inputs.is_mesh(path) for path in source.iterdir()):
+        return None
+    found = sorted(source.glob("*.npz"))
+    return found[0] if len(found) == 1 else None
 
 
 def _trained(training: StyleTraining) -> tuple[StyleLearner, bool]:

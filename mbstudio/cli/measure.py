@@ -21,6 +21,7 @@ from mbstudio.cli.measuring import (
     write_csv,
     write_parquet,
 )
+from mbstudio.cli.mesh_measuring import measure_meshes, table_of_meshes, tell_meshes
 from mbstudio.core.errors import MbstudioError, MeasureError
 
 ROWS_ON_SCREEN = 20
@@ -65,8 +66,12 @@ of each factor. If no grain has an avatar, all interior grains are measured.
 
 
 def measure(
-    source: Annotated[
-        Path, typer.Argument(metavar="PROJECT|MESH", help="A project with grains, or a closed surface mesh.")
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PROJECT|MESHES...",
+            help="A project with grains, or closed surface meshes: files, folders or patterns.",
+        ),
     ],
     grains: GrainsOption = None,
     limit: LimitOption = None,
@@ -74,6 +79,7 @@ def measure(
     axes: AxesOption = Axes.OBB,
     surface: SurfaceOption = Surface.SMOOTHED,
     detail: DetailOption = False,
+    cavities: inputs.MeshCavitiesOption = "fill",
     intervals: Annotated[
         bool,
         typer.Option("--intervals", help="Add an interval for each factor of a scanned grain; takes long."),
@@ -88,23 +94,23 @@ def measure(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio measure``; `HELP` says what it does."""
+    meshes = inputs.meshes_among(sources)
     for output in (csv_file, parquet_file):
-        require_table_output(output, source)
+        for source in meshes or sources:
+            require_table_output(output, source)
     if parquet_file is not None:
         require_parquet()
-    if inputs.is_mesh(source):
+    if meshes is not None:
         if intervals:
             raise MeasureError(
                 "--intervals applies to scanned grains only; a mesh is exact. Leave the option out."
             )
-        table, factors = _measure_mesh(source, unit, axes, surface, detail)
-        _write(table, csv_file, parquet_file)
-        if as_json:
-            console.print_json(factors)
-        else:
-            name = factors.pop("name")
-            console.print_facts(f"Shape factors of {name}", factors)
+        how = {"axes": axes.value, "surface": surface.value, "detail": detail, "workers": workers}
+        found = measure_meshes(meshes[:limit], unit, inputs.require_cavities(cavities), **how)
+        _write(table_of_meshes(found), csv_file, parquet_file)
+        tell_meshes(found, as_json)
         return
+    source = inputs.one_input(sources)
     project, labels = chosen_grains(source, grains, limit)
     populations = measure_grains(
         project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
@@ -152,7 +158,9 @@ def require_table_output(output: Path | None, source: Path) -> None:
 def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[Any, list[int]]:
     """Open a project and return it with the labels to be measured."""
     if not inputs.is_project(source):
-        raise MbstudioError(f"{source} is neither a project (.mbs) nor a mesh (.stl, .ply, .obj, .off).")
+        raise MbstudioError(
+            f"{source} is neither a project (.mbs) nor a mesh ({', '.join(inputs.mesh_endings())})."
+        )
     from mbstudio.core.project import Project
 
     project = Project.open(source)
@@ -162,31 +170,6 @@ def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[
     if not labels:
         raise MeasureError(f"{source} has no grain that the border does not cut: name some with --grains.")
     return project, list(dict.fromkeys(labels))[:limit]
-
-
-def _measure_mesh(
-    source: Path, unit: str | None, axes: Axes, surface: Surface, detail: bool
-) -> tuple[Any, dict[str, Any]]:
-    import trimesh
-
-    from mbstudio.core.populations import measure_population
-
-    if not source.is_file():
-        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
-    try:
-        mesh: Any = trimesh.load(source, force="mesh")
-    except (ValueError, IndexError, KeyError, TypeError) as error:  # trimesh's readers let these through
-        raise MeasureError(f"{source} cannot be read as a mesh ({error}): export it again.") from error
-    found = measure_population(
-        [mesh], name=source.name, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=0
-    )
-    if found.failures:
-        raise MeasureError(f"{source}: {found.reasons[0]}")
-    table = found.table().drop(columns=["label", "not_measured"])
-    table.insert(0, "name", source.name)
-    factors = {name: float(column[0]) for name, column in found.factors.items()}
-    stated = {"unit": found.unit, "axes": found.axes, "surface": found.surface, "warning": found.warnings[0]}
-    return table, {"name": source.name, **factors, **stated}
 
 
 def _write(table: Any, csv_file: Path | None, parquet_file: Path | None) -> None:

@@ -29,9 +29,12 @@ that the border does not cut are fitted; --grains selects others.
 
 
 def sweep(
-    source: Annotated[
-        Path,
-        typer.Argument(metavar="PROJECT|SCAN|MESH", help="A project, a scan, or a closed surface mesh."),
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PROJECT|SCAN|MESHES...",
+            help="A project, a scan, or closed surface meshes or folders of them.",
+        ),
     ],
     voxel_size: inputs.VoxelSizeOption = None,
     grains: Annotated[
@@ -67,6 +70,7 @@ def sweep(
     resolution: Annotated[
         int, typer.Option("--resolution", help="Voxels along a mesh's longest edge.")
     ] = 120,
+    cavities: inputs.MeshCavitiesOption = "fill",
     shape: inputs.ShapeOption = None,
     dtype: inputs.DtypeOption = None,
     header_bytes: inputs.HeaderOption = 0,
@@ -79,11 +83,15 @@ def sweep(
 
     options = read_options(method, option or ())  # type: ignore[arg-type]
     numbers = inputs.numbers_in(n, "--n") or []
-    _check_outputs(source, output, figure, error, resume)
+    meshes = inputs.meshes_among(sources)
+    _check_outputs(meshes or sources, output, figure, error, resume)
     done = read_sweep(output) if resume and output.exists() else []
     settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
     scan_options = (voxel_size, shape, dtype, header_bytes, big_endian)
-    found = _grains_of(source, unit, resolution, scan_options, settings)
+    if meshes is not None:
+        found = inputs.grains_of_meshes(meshes, resolution, unit, cavities)
+    else:
+        found = _grains_of(inputs.one_input(sources), scan_options, settings)
     labels = _labels(found, inputs.numbers_in(grains, "--grains"))[:limit]
     work = Sweep(
         _cut_out(found, labels), numbers, method, seed, done=done, **options  # type: ignore[arg-type]
@@ -94,7 +102,7 @@ def sweep(
         from mbstudio.scene.figures.sweep_figure import save_sweep_figure
 
         save_sweep_figure(figure, work.rows)
-    _tell(work, source, error / 100, as_json, output, figure, time.monotonic() - begun)
+    _tell(work, inputs.title_of(sources), error / 100, as_json, output, figure, time.monotonic() - begun)
     if interrupted:
         console.tell("mbstudio: interrupted: run the same command with --resume to continue.")
         raise typer.Exit(INTERRUPTED)
@@ -102,10 +110,13 @@ def sweep(
         raise FitError(f"None of the {len(work.rows)} fits could be made: {work.rows[0].error}")
 
 
-def _check_outputs(source: Path, output: Path, figure: Path | None, error: float, resume: bool) -> None:
+def _check_outputs(
+    sources: Sequence[Path], output: Path, figure: Path | None, error: float, resume: bool
+) -> None:
     """Refuse before the work begins what could not be written after it."""
-    if not source.exists():
-        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
+    for source in sources:
+        if not source.exists():
+            raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     if not error > 0:
         raise FitError(f"--error {error:g} % cannot be met: give a number above 0.")
     if figure is not None:
@@ -119,20 +130,15 @@ def _check_outputs(source: Path, output: Path, figure: Path | None, error: float
             raise MbstudioError(f"{path} is a folder: give the name of a file.")
         if not path.resolve().parent.is_dir():
             raise MbstudioError(f"{path} cannot be written: the folder {path.parent} does not exist.")
-        if path.resolve() == source.resolve():
+        if path.resolve() in [source.resolve() for source in sources]:
             raise MbstudioError(f"{path} is the input of the sweep: give the output another name.")
     if output.exists() and not resume:
         raise MbstudioError(f"{output} already exists: continue it with --resume, or give another name.")
 
 
-def _grains_of(
-    source: Path, unit: str | None, resolution: int, scan_options: tuple[Any, ...], settings: dict[str, Any]
-) -> GrainSet:
-    from mbstudio.core.grains import Grain
+def _grains_of(source: Path, scan_options: tuple[Any, ...], settings: dict[str, Any]) -> GrainSet:
     from mbstudio.core.project import Project
 
-    if inputs.is_mesh(source):
-        return inputs.grains_of_mesh(Grain.from_mesh(source, resolution=resolution, unit=unit))
     if inputs.is_project(source):
         project = Project.open(source)
     else:
@@ -178,7 +184,7 @@ def _drive(work: Sweep, output: Path, done: Sequence[SweepRow], fits: int) -> bo
 
 
 def _tell(
-    work: Sweep, source: Path, error: float, as_json: bool, output: Path, figure: Path | None, seconds: float
+    work: Sweep, title: str, error: float, as_json: bool, output: Path, figure: Path | None, seconds: float
 ) -> None:
     smallest = work.smallest_n(error)
     if as_json:
@@ -193,7 +199,7 @@ def _tell(
             }
         )
     else:
-        _print(work.rows, smallest, source, error)
+        _print(work.rows, smallest, title, error)
         for path in (output, figure):
             if path is not None and path.exists():
                 print(path)
@@ -208,7 +214,7 @@ def _plain(row: SweepRow) -> dict[str, Any]:
     return asdict(row)
 
 
-def _print(rows: Sequence[SweepRow], smallest: dict[str, int | None], source: Path, error: float) -> None:
+def _print(rows: Sequence[SweepRow], smallest: dict[str, int | None], title: str, error: float) -> None:
     from mbstudio.core.imaging.sweep import quantiles_of
 
     def middles(name: str, numbers: Sequence[int]) -> list[Any]:
@@ -224,7 +230,7 @@ def _print(rows: Sequence[SweepRow], smallest: dict[str, int | None], source: Pa
     lines.append(["CPU seconds", *(seconds[n][0] if n in seconds else None for n in numbers), ""])
     grains = len({row.label for row in rows})
     console.print_table(
-        f"{source.name}, medians over {grains} grain{'s' if grains > 1 else ''}",
+        f"{title}, medians over {grains} grain{'s' if grains > 1 else ''}",
         ("", *(f"n = {n}" for n in numbers), f"n for {100 * error:g} %"),
         lines,
     )

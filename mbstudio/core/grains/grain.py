@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from mbstudio.core.errors import GrainError, GrainWarning, MeshError, UnitError
+from mbstudio.core.errors import GrainError, GrainWarning
 from mbstudio.core.formulas import nominal_diameter
+from mbstudio.core.grains.mesh_voxels import MeshVoxels, voxelise_mesh, voxelise_meshes
 from mbstudio.core.grains.pieces import bounding_box, label_pieces, without_cavities
-from mbstudio.core.grains.voxelisation import voxelise
-from mbstudio.core.units import VoxelSize, parse_unit
+from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
     import trimesh
+
+    from mbstudio.core.meshes.bodies import Cavities
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,32 +144,59 @@ class Grain:
         unit: str | None = None,
         *,
         name: str | None = None,
+        cavities: Cavities = "fill",
     ) -> Grain:
         """Make a grain of a closed surface mesh, in the mesh's own frame.
 
         Parameters
         ----------
         mesh : str, Path or trimesh.Trimesh
-            An STL, OBJ or PLY file, or the mesh itself. Equal corners are merged, an inverted
-            orientation is turned outwards.
+            An STL, PLY, OBJ, OFF, 3MF, GLB or glTF file, or the mesh itself. Seams at textures, copied and
+            degenerate triangles and mixed windings are mended.
         resolution : int
             Number of voxels across the longest side of the bounding box.
         unit : str
-            Unit of the coordinates; needed unless the mesh says it (``Trimesh.units``).
+            Unit of the coordinates; needed unless the file (3MF, GLB, glTF) or mesh (``Trimesh.units``)
+            says it.
         name : str, optional
             The file's name without ending by default.
+        cavities : {"fill", "keep"}
+            Fill cavities that the body encloses, with a `GrainWarning`, or keep them.
 
         Raises
         ------
         MeshError
             If the file cannot be read, or the mesh is not one closed body; the message gives the
-            number of open edges.
+            number of open edges, and where the largest hole is.
         UnitError
             If no unit is given.
         GrainError
             If the resolution is too coarse for the mesh.
         """
-        return grain_from_mesh(mesh, resolution, unit, name)
+        return _grain_of(voxelise_mesh(mesh, resolution, unit, name, cavities))
+
+    @classmethod
+    def from_meshes(
+        cls,
+        meshes: str | Path | Sequence[str | Path],
+        resolution: int = 120,
+        unit: str | None = None,
+        *,
+        cavities: Cavities = "fill",
+    ) -> list[Grain]:
+        """Make one grain of each body in mesh files; see `from_mesh`.
+
+        Parameters
+        ----------
+        meshes : str, Path, or sequence of them
+            Files, folders of meshes, and patterns such as ``"stones/*.ply"``.
+
+        Returns
+        -------
+        list of Grain
+            Named by their files: ``stone``, or ``stone#1`` and ``stone#2`` where a file holds two bodies.
+        """
+        return [_grain_of(body) for body in voxelise_meshes(meshes, resolution, unit, cavities)]
 
     def surface_mesh(self) -> trimesh.Trimesh:
         """Return the grain's surface: lightly smoothed marching cubes with the voxels' volume.
@@ -232,6 +261,13 @@ def grain_from_mask(
     return Grain(inside, size, place, label, touches_border, name, filled_voxels=cavity)
 
 
+def _grain_of(body: MeshVoxels) -> Grain:
+    grain = grain_from_mask(
+        body.mask, body.voxel_size, origin=body.origin, fill_cavities=False, name=body.name
+    )
+    return replace(grain, filled_voxels=body.filled_voxels) if body.filled_voxels else grain
+
+
 def _as_booleans(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
     """Return the mask as booleans; GrainError unless it is 3-D, two-valued and not empty."""
     if mask.ndim != 3 or 0 in mask.shape:
@@ -253,103 +289,3 @@ def _as_booleans(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
     if not mask.any():
         raise GrainError(f"The mask of '{name}' is empty: give a mask with at least one voxel of the grain.")
     return mask
-
-
-def grain_from_mesh(
-    mesh: str | Path | trimesh.Trimesh,
-    resolution: int = 120,
-    unit: str | None = None,
-    name: str | None = None,
-) -> Grain:
-    """Make a grain of a closed surface mesh; see `Grain.from_mesh`."""
-    if int(resolution) != resolution or not 4 <= resolution <= 2000:
-        raise GrainError(
-            f"resolution={resolution} is impossible: give a whole number of voxels from 4 to 2000."
-        )
-    body, source = _load_mesh(mesh)
-    unit = unit or body.units
-    if not unit:
-        raise UnitError(f"{source} does not contain its unit: give unit, for example unit='mm'.")
-    unit = parse_unit(unit)
-    body = _close_mesh(body, source)
-    low, high = body.bounds
-    edge = float((high - low).max()) / int(resolution)
-    counts = np.maximum(np.ceil((high - low) / edge - 1e-9).astype(int), 1)
-    first = (low + high) / 2 - edge * (counts - 1) / 2
-    inside = voxelise(
-        body.vertices, body.faces, first, edge, (int(counts[2]), int(counts[1]), int(counts[0]))
-    )
-    if not inside.any():
-        raise GrainError(
-            f"{source} is too thin for a resolution of {resolution} voxels: raise the resolution."
-        )
-    _, sizes = label_pieces(inside)
-    if len(sizes) > 1:
-        lost = 1 - sizes.max() / sizes.sum()
-        warnings.warn(
-            f"{source} falls into {len(sizes)} pieces at a resolution of {resolution} voxels; "
-            f"the largest was kept and {lost:.2%} of the volume dropped: raise the resolution.",
-            GrainWarning,
-            stacklevel=3,
-        )
-    title = name or (Path(mesh).stem if isinstance(mesh, str | Path) else "grain")
-    origin = (float(first[0]), float(first[1]), float(first[2]))
-    size = VoxelSize(edge, edge, edge, unit)
-    # A cavity here would be a tunnel narrower than a voxel, closed by the sampling: fill it.
-    return grain_from_mask(without_cavities(inside), size, origin=origin, keep="largest", name=title)
-
-
-def _load_mesh(mesh: str | Path | trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
-    """Return the mesh, its equal corners merged, and what to call it in messages."""
-    import trimesh
-
-    if isinstance(mesh, trimesh.Trimesh):
-        return trimesh.Trimesh(
-            mesh.vertices, mesh.faces, process=True, metadata=dict(mesh.metadata)
-        ), "The mesh"
-    path = Path(mesh)
-    if not path.is_file():
-        raise MeshError(f"{path} does not exist: check the name and the folder.")
-    try:
-        body = trimesh.load(path, force="mesh", process=True)
-    except Exception as error:  # the parsers of the formats raise errors of many unrelated types
-        raise MeshError(f"{path} cannot be read as a surface mesh ({error}): use STL, OBJ or PLY.") from error
-    if not isinstance(body, trimesh.Trimesh) or not len(body.faces):
-        raise MeshError(f"{path} holds no triangles: export the grain's surface as STL, OBJ or PLY.")
-    return body, str(path)
-
-
-def _close_mesh(mesh: trimesh.Trimesh, source: str) -> trimesh.Trimesh:
-    """Return the mesh with outward normals; MeshError unless it is one closed body."""
-    if not np.isfinite(mesh.vertices).all():
-        raise MeshError(f"{source} has vertices that are not finite numbers: export it again.")
-    mesh.merge_vertices()
-    mesh.update_faces(mesh.nondegenerate_faces())
-    mesh.update_faces(mesh.unique_faces())
-    _, uses = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
-    open_edges, crowded = int(np.count_nonzero(uses == 1)), int(np.count_nonzero(uses > 2))
-    if not len(uses) or open_edges:
-        raise MeshError(
-            f"{source} is not closed: {open_edges} open edges bound its holes; "
-            "close them first, for example in MeshLab with Filters > Remeshing > Close Holes, "
-            "or use a grain whose whole surface was scanned."
-        )
-    if crowded:
-        raise MeshError(
-            f"{source} is not the surface of one body: {crowded} edges are shared by more than two "
-            "triangles; remove inner faces first, "
-            "for example in MeshLab with Filters > Cleaning > Repair non Manifold Edges."
-        )
-    if mesh.body_count > 1:
-        raise MeshError(
-            f"{source} holds {mesh.body_count} separate bodies: save each grain as a file of its own."
-        )
-    if not mesh.is_winding_consistent:
-        import trimesh.repair
-
-        trimesh.repair.fix_winding(mesh)
-    if mesh.volume < 0:
-        mesh.invert()
-    if not mesh.is_winding_consistent or mesh.volume <= 0:
-        raise MeshError(f"{source} encloses no volume: check that its triangles form one closed body.")
-    return mesh

@@ -29,7 +29,7 @@ class GrainSet:
     table : pandas.DataFrame
         One row a grain, in the order of its labels, with the columns ``label``, ``voxels``,
         ``volume`` (unit**3), ``z0, z1, y0, y1, x0, x1`` (bounding box in voxels, half open),
-        ``x, y, z`` (centroid in unit) and ``touches_border``.
+        ``x, y, z`` (centroid in unit) and ``touches_border``; grains of mesh files also have a ``name``.
     voxel_size : VoxelSize
     origin : tuple of float
         Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.
@@ -78,7 +78,8 @@ class GrainSet:
         corner = self.voxel_size.positions(np.array([[part.start for part in box]]), self.origin)[0]
         origin = (float(corner[0]), float(corner[1]), float(corner[2]))
         return Grain(
-            mask, self.voxel_size, origin, label, bool(row["touches_border"]), f"grain {label}",
+            mask, self.voxel_size, origin, label, bool(row["touches_border"]),
+            str(row.get("name", f"grain {label}")),
             filled_voxels=int(np.count_nonzero(mask) - np.count_nonzero(solid)),
             segmented=True,
         )  # fmt: skip

@@ -10,7 +10,8 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from mbstudio.core.errors import MeasureError, MeshError
+from mbstudio.core.errors import MeasureError
+from mbstudio.core.meshes.bodies import closed_body
 from mbstudio.core.metaball.avatar import Avatar
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ def pieces_and_voids(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, 
         (np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(len(vertices), len(vertices))
     )
     count, of_vertex = connected_components(graph + graph.T, directed=False)
-    if count == 1:
+    if count == 1:  # whichever way it is wound
         return 1, 0
     volumes = np.bincount(of_vertex[faces[:, 0]], weights=signed_volumes(vertices, faces), minlength=count)
     return int(np.count_nonzero(volumes > 0)), int(np.count_nonzero(volumes < 0))
@@ -157,40 +158,21 @@ def surface_area(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3
 
 
 def check_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh that is one closed body seen from outside; a mesh turned inside out is turned back.
+    """Return a mesh that is one closed body seen from outside, its cavities kept.
+
+    Corners at equal places are joined, copied and degenerate faces dropped, and faces turned outwards where
+    needed.
 
     Raises
     ------
     MeshError
-        If it is empty, not closed, not consistently oriented, in several pieces, or has duplicate faces or
-        vertices that are not finite.
+        If it is empty, not closed, encloses no volume, is in several pieces, or has vertices that are not
+        finite.
     """
     name = mesh.metadata.get("file_name") or "The mesh"
-    if not len(mesh.faces):
-        raise MeshError(f"{name} has no faces: it is no surface.")
-    if not np.isfinite(mesh.vertices).all():
-        raise MeshError(f"{name} has vertices that are not finite numbers.")
-    if not mesh.is_watertight:
-        copies = len(mesh.faces) - len(np.unique(np.sort(mesh.faces, axis=1), axis=0))
-        if copies and np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1].min() > 1:
-            raise MeshError(
-                f"{name} is not closed: {copies} of its faces are there twice. Remove them, in MeshLab with "
-                "Filters > Cleaning > Remove Duplicate Faces."
-            )
-        raise MeshError(f"{name} is not closed: it has no volume. Close its holes in a mesh editor first.")
-    if not mesh.is_winding_consistent:
-        raise MeshError(
-            f"{name} has faces that point inwards among faces that point outwards: unify its normals first."
-        )
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    volume = float(signed_volumes(vertices, faces).sum())
-    if volume == 0:
-        raise MeshError(f"{name} has no volume.")
-    if volume < 0:
-        mesh = mesh.copy()
-        mesh.invert()
-        faces = np.asarray(mesh.faces)
-    pieces = outer_pieces(vertices, faces)
-    if pieces != 1:
-        raise MeshError(f"{name} is in {pieces} pieces: shape factors are those of one body. Split it first.")
-    return mesh
+    if len(faces) and np.isfinite(vertices).all() and mesh.is_watertight and mesh.is_winding_consistent:
+        pieces, voids = pieces_and_voids(vertices, faces)
+        if (pieces, voids) == (1, 0) and signed_volumes(vertices, faces).sum() > 0:
+            return mesh
+    return closed_body(mesh, name)

@@ -53,22 +53,13 @@ def prepare_body(
             mesh = body.mesh(cells=_MESH_CELLS)
             mesh.units = body.unit
         else:
-            mesh = check_mesh(_merge_corners(body))
+            mesh = check_mesh(body)
         frame = principal_frame(mesh, unit=unit, name=name)
         return prepare_mesh(mesh, frame, seed), frame
     except MbstudioError as error:
         if isinstance(error, SerializationError) and name in str(error):
             raise
         raise SerializationError(f"{name} cannot be serialized: {error}") from error
-
-
-def _merge_corners(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh whose equal corners are one: files of triangles alone name each corner many times."""
-    if mesh.is_watertight:
-        return mesh
-    merged = mesh.copy()
-    merged.merge_vertices()
-    return merged
 
 
 def prepare_mesh(mesh: trimesh.Trimesh, frame: PrincipalFrame, seed: int) -> PreparedGrain:

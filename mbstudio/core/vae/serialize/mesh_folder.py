@@ -1,49 +1,55 @@
-"""Folders of meshes as parents of a style."""
+"""Folders and files of meshes as parents of a style."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbstudio.core.errors import SerializationError
+from mbstudio.core.meshes.bodies import bodies_of
+from mbstudio.core.meshes.listing import find_meshes
 
 if TYPE_CHECKING:
     import trimesh
 
-MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off")
 
+def read_parents(
+    sources: str | Path | Sequence[str | Path], unit: str | None = None, limit: int | None = None
+) -> tuple[list[trimesh.Trimesh], list[str]]:
+    """Return the bodies of mesh files and their names, cavities filled.
 
-def mesh_files(folder: Path) -> list[Path]:
-    """Return the meshes of a folder, by name.
+    Parameters
+    ----------
+    sources : str, Path, or sequence of them
+        Files, folders of meshes, and patterns.
+    unit : str, optional
+        Of the coordinates, where the files do not know it.
+    limit : int, optional
+        At most this many bodies.
 
     Raises
     ------
-    SerializationError
-        If there is no such folder, or it holds no meshes.
+    MeshError
+        If a folder holds no meshes, or a file cannot be read.
     """
-    if not folder.is_dir():
-        raise SerializationError(f"{folder} is no folder: choose one that holds meshes.")
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES)
-    if not found:
-        raise SerializationError(
-            f"{folder} holds no meshes ({', '.join(MESH_SUFFIXES)}): choose another folder."
-        )
-    return found
+    bodies = bodies_of(find_meshes(sources), unit)[:limit]
+    return bodies, [str(body.metadata["name"]) for body in bodies]
 
 
-def read_mesh(path: Path) -> trimesh.Trimesh:
-    """Return the mesh of a file.
+def read_one_body(path: Path, unit: str | None = None) -> trimesh.Trimesh:
+    """Return the one body of a mesh file.
 
     Raises
     ------
-    SerializationError
+    MeshError
         If it cannot be read.
+    SerializationError
+        If it holds several bodies.
     """
-    import trimesh
-
-    try:
-        return trimesh.load(path, force="mesh")  # type: ignore[return-value]
-    except (ValueError, IndexError, KeyError, TypeError, OSError) as error:  # trimesh lets these through
+    bodies, _ = read_parents(path, unit)
+    if len(bodies) > 1:
         raise SerializationError(
-            f"{path} cannot be read as a mesh ({error}): export it again, or move it away."
-        ) from error
+            f"{path} holds {len(bodies)} bodies: save the one that is meant as a file of its own."
+        )
+    return bodies[0]

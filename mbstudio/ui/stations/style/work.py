@@ -319,13 +319,12 @@ def _serialized(
     template: Template | None, control: Control,
 ) -> _Serialized:  # fmt: skip
     from mbstudio.core.errors import SerializationWarning
-    from mbstudio.core.vae.serialize.mesh_folder import mesh_files, read_mesh
+    from mbstudio.core.vae.serialize.mesh_folder import read_parents
     from mbstudio.core.vae.serialize.serializer import serialize
 
     bodies: list[Any]
     if parents.source == "folder":
-        files = mesh_files(parents.folder or Path())
-        bodies, names = [read_mesh(path) for path in files], [path.stem for path in files]
+        bodies, names = read_parents(parents.folder or Path(), parents.unit)
     else:
         names = [_name(label) for label in parents.labels]
         if parents.source == "avatars":

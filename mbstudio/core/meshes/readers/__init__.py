@@ -1,0 +1,1 @@
+"""One reader for each mesh format: bytes in, triangles out; none opens a file."""
