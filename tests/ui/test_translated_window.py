@@ -150,7 +150,7 @@ def test_what_is_said_and_remembered_is_translated(window, with_grains, idle, qt
     window.stations.populations.link.save_figure(tmp_path / "figure.bmp")
     window.pictures.copy()
     window.pictures.save(tmp_path / "view.png")
-    window.project_files.tell_missing_scan("")
+    window.stations.scan.link.tell_missing_scan("")
     window.stations.latent.link.pick("A")
     chosen = window.stations.export.panel.chosen()
     window.stations.export.work.export(chosen, "stl", tmp_path / "dem", {"unit": "mm", "options": {}})
@@ -244,7 +244,7 @@ def test_no_widget_of_the_empty_window_stands_outside(window, idle):
     window.shell.start_tour()
     window.about()
     window.command_palette.open()
-    window.project_files.ask_about_scan(Path("heap.raw"), "", raw=True)
+    window.stations.scan.link.ask_about_scan(Path("heap.raw"), "", raw=True)
     window.stations.fit.show_sweep(True)
     for shown in ("panel.history", "panel.log", "panel.bodies"):
         window.commands.run(shown)

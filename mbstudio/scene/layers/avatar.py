@@ -11,6 +11,6 @@ class ChosenAvatar(SurfaceLayer):
 
     title = mark("Avatar")
     icon = "ph.circles-three"
-    tip = mark("Surface of the chosen grain's avatar")
+    tip = mark("Surface of the selected grain's avatar")
     colour = "avatar"
     is_within_scan = True

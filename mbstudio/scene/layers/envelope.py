@@ -11,7 +11,7 @@ class Envelope(SurfaceLayer):
 
     title = mark("Avatar over it")
     icon = "ph.circle-half"
-    tip = mark("The avatar itself, seen through")
+    tip = mark("The avatar itself, transparent")
     colour = "avatar"
     starts_opaque = 0.4
     is_drawn_last = True

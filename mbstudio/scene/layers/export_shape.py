@@ -15,7 +15,7 @@ class ExportShape(SurfaceLayer):
 
     title = mark("Export")
     icon = "ph.circles-four"
-    tip = mark("Spheres or mesh that stand for the avatar in the export")
+    tip = mark("Spheres or mesh that represent the avatar in the export")
     colour = "grain"
 
     def __init__(self, name: str, stage: Stage) -> None:

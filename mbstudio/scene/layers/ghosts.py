@@ -11,7 +11,7 @@ class GhostA(SurfaceLayer):
 
     title = mark("Ghost of A")
     icon = "ph.ghost"
-    tip = mark("Grain A, seen through")
+    tip = mark("Grain A, transparent")
     colour = "grain"
     starts_opaque = 0.22
     is_drawn_last = True
@@ -22,7 +22,7 @@ class GhostB(SurfaceLayer):
 
     title = mark("Ghost of B")
     icon = "ph.ghost"
-    tip = mark("Grain B, seen through")
+    tip = mark("Grain B, transparent")
     colour = "points"
     starts_opaque = 0.22
     is_drawn_last = True

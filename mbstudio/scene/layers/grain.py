@@ -11,7 +11,7 @@ class ChosenGrain(SurfaceLayer):
 
     title = mark("Grain")
     icon = "ph.circle-half"
-    tip = mark("Surface of the chosen grain")
+    tip = mark("Surface of the selected grain")
     colour = "grain"
     starts_opaque = 0.6
     # Drawn after the avatar inside it plain blending is right.

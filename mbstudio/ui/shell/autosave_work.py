@@ -150,7 +150,7 @@ class AutosaveWork(Work):
         self._changed()
 
     def _failed(self, error: Exception) -> None:
-        log.warning("Autosave failed: %s", error)
+        log.warning("Autosave failed: %s", str(error))  # the error itself holds the window by its traceback
         if not self._has_complained:  # once, not every half minute
             self._has_complained = True
             self.said.emit(
@@ -175,7 +175,7 @@ class AutosaveWork(Work):
         task = Task(tr("Looking for unsaved work"), work)
         task.handled = (OSError,)
         task.succeeded.connect(self._take_leftovers)
-        task.failed.connect(lambda error: log.warning("No look for unsaved work: %s", error))
+        task.failed.connect(lambda error: log.warning("No look for unsaved work: %s", str(error)))
         return self.queue.submit(task, lane=LANE)
 
     def _take_leftovers(self, found: list[Autosave]) -> None:

@@ -108,7 +108,7 @@ class Station(QObject):
         self.docks: tuple[DockFrame, ...] = ()
         self.is_open = False
 
-    def hear(self, *works: Work) -> None:
+    def relay_messages(self, *works: Work) -> None:
         """Let the person be told what works say."""
         for work in works:
             work.said.connect(self.studio.say)

@@ -1,4 +1,4 @@
-"""Pictures of grains to click and to drag: the gallery, and the places that take a grain from it."""
+"""Pictures of grains to click and to drag: strips of them, and the places that take a grain from a strip."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class ExportStation(Station):
         ]
 
     def wire(self) -> None:
-        self.hear(self.work)
+        self.relay_messages(self.work)
         self.panel.export_asked.connect(lambda: self.studio.commands.run("export.run"))
 
     def enter(self) -> None:

@@ -22,7 +22,8 @@ from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.fit.factors_table import FactorsTable
-from mbstudio.ui.stations.fit.work import FitWork, reaches
+from mbstudio.ui.stations.fit.words import reaches_goals
+from mbstudio.ui.stations.fit.work import FitWork
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, quiet_button, row, set_badge
 from mbstudio.ui.widgets.options_form import OptionsForm
@@ -299,7 +300,7 @@ class FitPanel(Panel):
             text += f" · {neck}"
         if fit.target:
             aims = FitGoal.parse(fit.target)
-            met = tr("Target reached") if reaches(fit) else tr("Target not reached")
+            met = tr("Target reached") if reaches_goals(fit) else tr("Target not reached")
             text += f"\n{met}: {aims.describe(fit.reached)}" if fit.reached else f"\n{met}"
         self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))
         self._reasons.show()

@@ -92,7 +92,7 @@ class FitStation(Station):
         )
 
     def wire(self) -> None:
-        self.hear(self.work, self.sweep_work, self.interval_work)
+        self.relay_messages(self.work, self.sweep_work, self.interval_work)
         self.work.changed.connect(self.studio.refresh)
         self.work.arrived.connect(self.arrived)
         self.sweep_dock.n_chosen.connect(self.link.use_n)

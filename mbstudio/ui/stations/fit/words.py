@@ -10,12 +10,12 @@ from mbstudio.core.imaging.steps import SearchStep
 from mbstudio.ui.language import tr
 
 
-def reaches(fit: FitResult) -> bool:
+def reaches_goals(fit: FitResult) -> bool:
     """Return whether a fit has reached the target that it was made for."""
     return bool(fit.target and fit.reached) and FitGoal.parse(fit.target).is_met(fit.reached)
 
 
-def fit_told(label: int, fit: FitResult) -> str:
+def describe_fit(label: int, fit: FitResult) -> str:
     """Return what is told of the fit of one grain, without the warnings of its verdict."""
     verdict = fit.verdict
     if not verdict.valid:
@@ -26,13 +26,13 @@ def fit_told(label: int, fit: FitResult) -> str:
         n=fit.avatar.n,
         error=100 * verdict.volume_error,
     )
-    if fit.target and reaches(fit):
+    if fit.target and reaches_goals(fit):
         reached = FitGoal.parse(fit.target).describe(fit.reached)
         told = " ".join((told, tr("It reaches the target: {figures}.", figures=reached)))
     return told
 
 
-def many_told(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple[str, str]:
+def describe_fits(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple[str, str]:
     """Return the level of a message on many fits, and what it says.
 
     Parameters
@@ -52,7 +52,7 @@ def many_told(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple[str
     ]
     aimed = [fit for fit in fits.values() if fit.target]
     if aimed:
-        reached = sum(reaches(fit) for fit in aimed)
+        reached = sum(reaches_goals(fit) for fit in aimed)
         told.append(tr("{reached} of {aimed} reach the target.", reached=reached, aimed=len(aimed)))
     if bad:
         told.append(tr("Not valid: grain {labels}. More control points usually help.", labels=_listed(bad)))
@@ -79,7 +79,7 @@ def _listed(labels: list[int]) -> str:
     return shown if len(labels) <= 6 else tr("{labels} and {n} more", labels=shown, n=len(labels) - 6)
 
 
-def fraction_told(step: SearchStep) -> tuple[float, str]:
+def progress_of_step(step: SearchStep) -> tuple[float, str]:
     """Return how much of a search is done, 0 to 1, and what it is at."""
     done = step.generation / max(step.generations, 1)
     if step.phase == "clustering":
@@ -93,7 +93,7 @@ def fraction_told(step: SearchStep) -> tuple[float, str]:
     return 0.15 + 0.85 * done, told
 
 
-def target_fraction_told(step: SearchStep) -> tuple[float, str]:
+def progress_of_goal_step(step: SearchStep) -> tuple[float, str]:
     """Return what the search for a target's number is at.
 
     Nobody knows how many numbers a target takes: the bar only shows that work goes on.

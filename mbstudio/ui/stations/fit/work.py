@@ -17,8 +17,12 @@ from mbstudio.core.imaging.steps import FitRun, SearchStep
 from mbstudio.core.metrics import factor_intervals
 from mbstudio.scene.surfaces import avatar_surface, control_points
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.fit.words import fit_told, fraction_told, many_told, target_fraction_told
-from mbstudio.ui.stations.fit.words import reaches as reaches
+from mbstudio.ui.stations.fit.words import (
+    describe_fit,
+    describe_fits,
+    progress_of_goal_step,
+    progress_of_step,
+)
 from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.view.live_avatar import LiveAvatar
@@ -215,7 +219,7 @@ class FitWork(Work):
         self.workspace.add_fits({fitting.label: result}, tr("Fit grain {label}", label=fitting.label))
         verdict = result.verdict
         level = "success" if verdict.valid and not verdict.warnings else "warning"
-        self.said.emit(level, " ".join((fit_told(fitting.label, result), *verdict.warnings)))
+        self.said.emit(level, " ".join((describe_fit(fitting.label, result), *verdict.warnings)))
 
     # ---- many grains ---------------------------------------------------------------------------
 
@@ -279,7 +283,7 @@ class FitWork(Work):
         if fits:
             self.workspace.add_fits(fits, tr("Fit {count} grains", count=len(fits)))
         failed = [item for item in items if item.result is None]
-        self.said.emit(*many_told(fits, failed))
+        self.said.emit(*describe_fits(fits, failed))
 
     def _forget(self) -> None:
         self.run.cancel()
@@ -324,11 +328,11 @@ def _prepare(step: SearchStep | _Finished) -> LiveAvatar | None:
 
 
 def _fraction(step: SearchStep | _Finished) -> tuple[float, str]:
-    return (1.0, tr("Done")) if isinstance(step, _Finished) else fraction_told(step)
+    return (1.0, tr("Done")) if isinstance(step, _Finished) else progress_of_step(step)
 
 
 def _target_fraction(step: SearchStep | _Finished) -> tuple[float, str]:
-    return (1.0, tr("Done")) if isinstance(step, _Finished) else target_fraction_told(step)
+    return (1.0, tr("Done")) if isinstance(step, _Finished) else progress_of_goal_step(step)
 
 
 class IntervalWork(Work):

@@ -107,7 +107,7 @@ class GrainStation(Station):
         ]
 
     def wire(self) -> None:
-        self.hear(self.work)
+        self.relay_messages(self.work)
         self.studio.commands.bind(self.panel.find_button, "grains.find")
         self.studio.commands.bind(self.panel.load_button, "grains.load")
 

@@ -24,7 +24,7 @@ class BlendPage(QWidget):
     Attributes
     ----------
     picked : signal (str, str)
-        Letter, and name of the grain that was dropped; empty: the one chosen in the gallery.
+        Letter, and name of the grain that was dropped; empty: the one selected on the shelf.
     share_moved, share_settled : signal (float)
         Between A (0) and B (1).
     strength_moved, strength_settled : signal (float)

@@ -1,4 +1,4 @@
-"""Keeps the latent studio in step: view, panel, pages beside the view, gallery below it."""
+"""Keeps the latent studio in step: view, panel, pages beside the view, shelf below it."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ class LatentLink(QObject):
             self._scene.fit_if_cut()
         self._studio.viewport.request_render()
 
-    # ---- the gallery -----------------------------------------------------------------------------
+    # ---- the shelf -------------------------------------------------------------------------------
 
     def _show_kept(self) -> None:
         learner, about = self._work.learner, self._work.about
@@ -211,7 +211,7 @@ class LatentLink(QObject):
         self._studio.offers.choose_kept(self._shelf.kept.chosen)
 
     def _show_clones(self) -> None:
-        """Show the clones on the map and in the gallery; their pictures are made when they are looked at."""
+        """Show the clones on the map and on the shelf; their pictures are made when they are looked at."""
         clones, about = self._work.clones, self._work.about
         if about is not None and about.map is not None:
             self._dock.map.set_clones(about.map.places(clones.latents) if clones else np.empty((0, 2)))
@@ -224,7 +224,7 @@ class LatentLink(QObject):
 
     def _tips(self) -> dict[str, str]:
         """Return what is told of each kept grain: its factors, and how it was made."""
-        return {grain.name: told_of(grain) for grain in self._work.kept_grains}
+        return {grain.name: describe_kept(grain) for grain in self._work.kept_grains}
 
     def _rename(self, name: str, to: str) -> None:
         if self._work.rename(name, to):
@@ -259,7 +259,7 @@ class LatentLink(QObject):
     # ---- A, B and C ------------------------------------------------------------------------------
 
     def pick(self, letter: str, name: str = "") -> None:
-        """Let a letter stand for a grain; without a name, for the one chosen in the gallery."""
+        """Let a letter stand for a grain; without a name, for the one selected on the shelf."""
         name = name or self._shelf.chosen or ""
         latent = self._work.latent_of(name)
         if latent is None:
@@ -389,7 +389,7 @@ def _surface(grain: LiveGrain) -> Surface:
     return Surface(grain.points, grain.triangles, grain.normals)
 
 
-def told_of(grain: KeptGrain) -> str:
+def describe_kept(grain: KeptGrain) -> str:
     """Return name and factors of a kept grain, and how it was made."""
     unit = unit_label(grain.unit)
     numbers = {

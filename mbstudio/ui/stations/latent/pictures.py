@@ -1,4 +1,4 @@
-"""Small pictures of grains for the gallery and the strips, made in the background and remembered."""
+"""Small pictures of grains for the shelf and the strips, made in the background and remembered."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ class Shelf(QFrame):
         pictures: Mapping[str, QPixmap],
         tips: Mapping[str, str],
     ) -> None:
-        """Show other grains; a newly kept one turns the gallery to the kept grains."""
+        """Show other grains; a newly kept one turns the shelf to the kept grains."""
         grown = len(kept) > self.kept.count()
         self.kept.set_grains(kept, pictures, tips)
         if self.parents.names != list(parents):

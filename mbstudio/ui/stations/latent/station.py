@@ -69,7 +69,7 @@ class LatentStation(Station):
         return latent_commands(self.studio, self.work, self.link, self.panel, self.dock, self.shelf)
 
     def wire(self) -> None:
-        self.hear(self.work)
+        self.relay_messages(self.work)
         for signal in (self.work.stepped, self.work.kept_changed, self.work.style_taken):
             signal.connect(self.studio.refresh)
         for button, command in (

@@ -41,7 +41,7 @@ _ANEW = ("begin", "average", "take", "between", "sum")
 
 
 class LatentWork(Work):
-    """The grain under the hand, its history, and the gallery of kept grains.
+    """The grain under the hand, its history, and the kept grains.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class LatentWork(Work):
     def _tell_of_others(self) -> None:
         others = len(self.workspace.state.kept) - len(self.kept)
         if others:
-            self.said.emit("info", others_told(others))
+            self.said.emit("info", describe_other_kept(others))
 
     @property
     def is_opening(self) -> bool:
@@ -301,7 +301,7 @@ class LatentWork(Work):
         return tuple(grain for grain in self.workspace.state.kept if grain.recipe.style == self._digest)
 
     def keep(self) -> Recipe | None:
-        """Put the grain where one stands into the gallery, with its recipe."""
+        """Keep the grain where one stands, with its recipe."""
         learner, stance = self.learner, self.stance
         if learner is None or stance is None:
             return None
@@ -312,7 +312,7 @@ class LatentWork(Work):
         return self._keep([(stance.latent, stance.operations)])[0]
 
     def keep_variations(self, sigma: float, count: int, seed: int = 0) -> Task | None:
-        """Put variations of the grain where one stands into the gallery: 'more like this'."""
+        """Keep variations of the grain where one stands."""
         learner, stance, meanings = self.learner, self.stance, self.meanings
         if learner is None or stance is None:
             return None
@@ -324,7 +324,7 @@ class LatentWork(Work):
 
         def take(made: list[tuple[np.ndarray, Operation]]) -> None:
             if len(made) < count:
-                self.said.emit("warning", few_told(len(made), count))
+                self.said.emit("warning", describe_few_valid(len(made), count))
             if learner is self.learner and made:
                 self._keep([(latent, (*stance.operations, operation)) for latent, operation in made])
 
@@ -333,7 +333,7 @@ class LatentWork(Work):
         return self.queue.submit(task)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Take kept grains out of the gallery, as one step of undo."""
+        """Take kept grains off the shelf, as one step of undo."""
         gone = set(names) & {recipe.name for recipe in self.kept}
         if gone:
             rest = tuple(grain for grain in self.workspace.state.kept if grain.name not in gone)
@@ -363,7 +363,7 @@ class LatentWork(Work):
             for number, (latent, operations) in enumerate(made, first)
         ]
         self.history.change(
-            keep_told(found[0].name, len(found), first),
+            title_of_keeping(found[0].name, len(found), first),
             kept=(*before, *keeping.measure_recipes(self.learner, found)),
         )
         self.stepped.emit()
@@ -371,12 +371,12 @@ class LatentWork(Work):
 
     def latent_of(self, name: str) -> Float64[np.ndarray, " d"] | None:
         """Return the latent vector of a kept grain, a parent or a clone by its name."""
-        return named_latent(name, self.kept, self.learner, self.clones)
+        return find_latent(name, self.kept, self.learner, self.clones)
 
     @property
     def clones(self) -> Generation | None:
         """The clones made last, where they are those of the style-learner at hand."""
-        return clones_of(self.workspace.state, self.learner)
+        return find_clones(self.workspace.state, self.learner)
 
     def begin_with(self, name: str) -> None:
         """Take a parent, a kept grain or a clone under the hand."""
@@ -401,7 +401,7 @@ class LatentWork(Work):
         return float(low), float(high)
 
 
-def others_told(count: int) -> str:
+def describe_other_kept(count: int) -> str:
     """Return what is told of kept grains of another style-learner."""
     if count == 1:
         return tr(
@@ -415,7 +415,7 @@ def others_told(count: int) -> str:
     )
 
 
-def few_told(made: int, wanted: int) -> str:
+def describe_few_valid(made: int, wanted: int) -> str:
     """Return what is told where not all variations are valid."""
     return tr(
         "Only {made} of {wanted} variations are valid bodies. Use less noise, or start from a valid grain.",
@@ -424,14 +424,14 @@ def few_told(made: int, wanted: int) -> str:
     )
 
 
-def keep_told(name: str, count: int, first: int) -> str:
+def title_of_keeping(name: str, count: int, first: int) -> str:
     """Return the history's title for grains that were kept, numbered from `first` on."""
     if count == 1:
         return tr("Keep {name}", name=name)
     return tr("Keep {count} variations from {first}", count=count, first=first)
 
 
-def clones_of(state: ProjectState, learner: StyleLearner | None) -> Generation | None:
+def find_clones(state: ProjectState, learner: StyleLearner | None) -> Generation | None:
     """Return the clones of a project where they are those of a style-learner."""
     made = state.clones
     if made is None or learner is None or state.style is not learner:
@@ -439,7 +439,7 @@ def clones_of(state: ProjectState, learner: StyleLearner | None) -> Generation |
     return made if made.latents.shape[1] == learner.dimension else None
 
 
-def named_latent(
+def find_latent(
     name: str, kept: Sequence[Recipe], learner: StyleLearner | None, clones: Generation | None
 ) -> Float64[np.ndarray, " d"] | None:
     """Return the latent vector of a grain by its name: a kept one's before a parent's before a clone's."""

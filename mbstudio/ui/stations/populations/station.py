@@ -53,7 +53,7 @@ class PopulationStation(Station):
         ]
 
     def wire(self) -> None:
-        self.hear(self.work)
+        self.relay_messages(self.work)
         self.work.changed.connect(self.studio.refresh)
         self.studio.commands.bind(self.panel.measure_button, "populations.measure")
         self.studio.commands.bind(self.panel.report_button, "populations.report")

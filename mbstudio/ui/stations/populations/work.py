@@ -26,7 +26,7 @@ KEPT = 4  # measured populations: as many as undo and another convention bring b
 
 
 @dataclass(frozen=True)
-class Asked:
+class MeasureRequest:
     """What is to be measured, and how.
 
     Attributes
@@ -46,7 +46,7 @@ class Asked:
 class Measured:
     """Populations of a state of the project."""
 
-    asked: Asked
+    asked: MeasureRequest
     state: ProjectState
     found: ProjectPopulations
 
@@ -63,7 +63,7 @@ class PopulationWork(Work):
     Attributes
     ----------
     run : Run
-    asked : Asked
+    asked : MeasureRequest
         What :meth:`measure` measures.
     measured : Measured or None
         What was measured last, of the grains that the project still has.
@@ -80,7 +80,7 @@ class PopulationWork(Work):
         self._offers = offers
         self.run = Run(queue, self)
         self.run.changed.connect(self.changed)
-        self.asked = Asked()
+        self.asked = MeasureRequest()
         self.measured: Measured | None = None
         self._kept: list[Measured] = []
         workspace.grains_changed.connect(self._grains_changed)
@@ -103,7 +103,7 @@ class PopulationWork(Work):
 
     def ask(self, **changes: Any) -> None:
         """Change what is to be measured."""
-        self.asked = Asked(**{**vars(self.asked), **changes})
+        self.asked = MeasureRequest(**{**vars(self.asked), **changes})
         self._look_up()
 
     # ---- measuring -----------------------------------------------------------------------------
@@ -167,7 +167,7 @@ class PopulationWork(Work):
         return same and measured.asked == self.asked
 
 
-def _measure(state: ProjectState, asked: Asked, control: Control, share: float = 1.0) -> Measured:
+def _measure(state: ProjectState, asked: MeasureRequest, control: Control, share: float = 1.0) -> Measured:
     # What compares distributions takes a second to load: here it does not halt the window.
     import scipy.stats  # noqa: F401
 

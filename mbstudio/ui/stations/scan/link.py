@@ -35,8 +35,8 @@ class ScanLink(QObject):
         panel.window_changed.connect(view.set_window)
         view.slices_changed.connect(self._show_slices)
         studio.workspace.scan_changed.connect(self._show_slices_of_scan)
-        work.asked.connect(self._ask_about_scan)
-        work.missing.connect(self._tell_missing_scan)
+        work.asked.connect(self.ask_about_scan)
+        work.missing.connect(self.tell_missing_scan)
 
     def _show_slices(self) -> None:
         slices = self._view.scene.layers.slices.planes
@@ -72,14 +72,14 @@ class ScanLink(QObject):
         if name:
             self._work.open(Path(name))
 
-    def _ask_about_scan(self, path: Path, why: str, raw: bool) -> None:
+    def ask_about_scan(self, path: Path, why: str, raw: bool) -> None:
         """Ask for what a scan file does not say."""
         dialog = ScanDialog(path, why, raw, self._studio.host)
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.answered.connect(self._work.open_answered)
         dialog.open()
 
-    def _tell_missing_scan(self, why: str) -> None:
+    def tell_missing_scan(self, why: str) -> None:
         """Say that the project's scan is missing, and offer to tell where it is; work goes on without."""
         self._studio.say(
             "warning",

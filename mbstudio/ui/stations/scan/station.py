@@ -58,7 +58,7 @@ class ScanStation(Station):
         ]
 
     def wire(self) -> None:
-        self.hear(self.work)
+        self.relay_messages(self.work)
         self.studio.commands.bind(self.panel.open_button, "scan.open")
         self.studio.commands.bind(self.panel.sample_button, "scan.sample")
 

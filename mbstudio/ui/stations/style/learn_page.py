@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QS
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.stations.style.work import Asked, Parents, Source, StyleWork, percent
+from mbstudio.ui.stations.style.work import LearnRequest, Parents, Source, StyleWork, percent
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.workspace import Workspace
 
@@ -177,9 +177,9 @@ class LearnPage(QWidget):
         return Parents("folder", (), Path(text).expanduser() if text else None, self.unit.currentData())
 
     @property
-    def asked(self) -> Asked:
+    def asked(self) -> LearnRequest:
         """What the fields ask for."""
-        return Asked(
+        return LearnRequest(
             self.parents, self.n.value(), self.preset.currentData(), self.steps.value() or None,
             self.seed.value(),
         )  # fmt: skip

@@ -60,7 +60,7 @@ class StyleStation(Station):
         ]
 
     def wire(self) -> None:
-        self.hear(self.work, self.clone_work)
+        self.relay_messages(self.work, self.clone_work)
         self.work.arrived.connect(self.arrived)
         self.work.changed.connect(self.studio.refresh)
         self.clone_work.changed.connect(self.studio.refresh)

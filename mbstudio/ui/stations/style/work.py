@@ -58,7 +58,7 @@ class Parents:
 
 
 @dataclass(frozen=True)
-class Asked:
+class LearnRequest:
     """How a style is to be learned; no steps means as many as the preset usually takes."""
 
     parents: Parents
@@ -179,7 +179,7 @@ class StyleWork(Work):
 
     # ---- learning --------------------------------------------------------------------------------
 
-    def learn(self, asked: Asked) -> Task | None:
+    def learn(self, asked: LearnRequest) -> Task | None:
         """Serialize the parents, then train; None while something is learned already."""
         if self.run.is_running:
             return None
