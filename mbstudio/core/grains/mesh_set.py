@@ -101,10 +101,11 @@ def _common_edge(bodies: list[trimesh.Trimesh], resolution: int) -> float:
     # An upper bound of what the shelves take: every body with the depth and the height of the largest.
     taken = extents[:, 0].sum() * extents[:, 1].max() * extents[:, 2].max() * (1 + 1 / side)
     edge = max(edge, float((taken / _MOST_VOXELS) ** (1 / 3)))
-    coarse = int(np.count_nonzero(lengths / edge < _COARSE))
+    least = min(_COARSE, math.ceil(resolution / 2))
+    coarse = int(np.count_nonzero(lengths / edge < least))
     if coarse:
         warnings.warn(
-            f"{coarse} of the {len(bodies)} bodies are less than {_COARSE} voxels long, because all share "
+            f"{coarse} of the {len(bodies)} bodies are less than {least} voxels long, because all share "
             "voxels of one size: their shapes are coarse; take bodies of similar size together.",
             GrainWarning,
             stacklevel=3,

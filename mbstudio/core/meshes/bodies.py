@@ -142,6 +142,12 @@ def closed_body(mesh: trimesh.Trimesh, source: str, cavities: Cavities = "keep")
     MeshError
         If it is not closed, or holds several bodies.
     """
+    import trimesh
+
+    if isinstance(mesh, trimesh.Scene):  # what trimesh makes of files with several objects
+        mesh = mesh.to_mesh()
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise MeshError(f"{source} is no triangle mesh but {type(mesh).__name__}: give a trimesh.Trimesh.")
     notes: list[str] = []
     bodies = separate_bodies(
         np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64), source,

@@ -169,10 +169,11 @@ def _best_move(
     # The closest ones decide; the rest of a smooth body's triangles only take time.
     order = np.argsort(distances, kind="stable")[:_CONSTRAINTS]
     rows = np.column_stack([-away[order], np.ones(len(order))])
+    # In lengths of the cube: the solver takes what is smaller than 1e-7 for nothing.
     found = linprog(
-        [0, 0, 0, -1], A_ub=rows, b_ub=distances[order], bounds=[(-trust, trust)] * 3 + [(None, None)]
+        [0, 0, 0, -1], A_ub=rows, b_ub=distances[order] / trust, bounds=[(-1, 1)] * 3 + [(None, None)]
     )
-    return found.x[:3] if found.status == 0 else np.zeros(3)
+    return trust * found.x[:3] if found.status == 0 else np.zeros(3)
 
 
 def _deepest(inside: Bool[np.ndarray, "Z Y X"]) -> Float[np.ndarray, "s 3"]:

@@ -169,7 +169,9 @@ def check_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
         If it is empty, not closed, encloses no volume, is in several pieces, or has vertices that are not
         finite.
     """
-    name = mesh.metadata.get("file_name") or "The mesh"
+    name = getattr(mesh, "metadata", {}).get("file_name") or "The mesh"
+    if not hasattr(mesh, "faces"):
+        return closed_body(mesh, name)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if len(faces) and np.isfinite(vertices).all() and mesh.is_watertight and mesh.is_winding_consistent:
         pieces, voids = pieces_and_voids(vertices, faces)

@@ -294,3 +294,13 @@ def test_vertices_that_no_face_uses_may_be_anything():
     mesh = trimesh.Trimesh(vertices, box.faces, process=False)
     assert measure(mesh).volume == pytest.approx(1, rel=EXACT)
     assert Grain.from_mesh(mesh, 8, unit="mm").volume == pytest.approx(1, rel=EXACT)
+
+
+def test_scenes_are_joined_and_other_things_refused():
+    box = trimesh.creation.box((1, 2, 3))
+    scene = trimesh.Scene([box])
+    assert Grain.from_mesh(scene, 12, unit="mm").volume == pytest.approx(6, rel=EXACT)
+    assert measure(scene).volume == pytest.approx(6, rel=EXACT)
+    for nothing in (None, 5, trimesh.PointCloud(box.vertices)):
+        with pytest.raises(MeshError, match="no triangle mesh"):
+            Grain.from_mesh(nothing, 12, unit="mm")

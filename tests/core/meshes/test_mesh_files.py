@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import builtins
+import json
 import struct
 import zipfile
 from pathlib import Path
@@ -207,6 +208,16 @@ def test_a_cloud_of_points_is_called_so(tmp_path, ball):
             read_bodies(tmp_path / name)
 
 
+@pytest.mark.parametrize("order", PLY_ORDERS)
+def test_ply_of_strips(tmp_path, order):
+    """Two strips around a tetrahedron, an end between them."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    row = [0, 1, 2, 3, -1, 2, 0, 3, 1, -1]
+    data = ply_of(corners, [row], order).replace(b"element face", b"element tristrips")
+    (tmp_path / "a.ply").write_bytes(data)
+    assert volumes(tmp_path / "a.ply") == pytest.approx([1 / 6], rel=1e-12)
+
+
 # ---- OFF --------------------------------------------------------------------------------------------
 
 
@@ -363,6 +374,32 @@ def test_gltf_with_its_buffer_within_or_beside_it(tmp_path, ball, node):
     (tmp_path / "b.gltf").write_text(gltf_of(ball.vertices, ball.faces, packed, **node)[0])
     for name in ("a.gltf", "b.gltf"):
         assert volumes(tmp_path / name) == pytest.approx([ball.volume * (8 if node else 1)], rel=SINGLE)
+
+
+@pytest.mark.parametrize("mode", ["strip", "fan and triangle"])
+def test_gltf_of_strips_and_fans_in_sparse_whole_numbers(tmp_path, mode):
+    """A tetrahedron, its corners in 16 bits that mean -1 to 1, one of them put in by itself."""
+    corners = np.array([[0, 0, 0], [32767, 0, 0], [0, 32767, 0], [0, 0, 7]], "<i2")
+    rows = np.array([0, 1, 2, 3, 0, 1] if mode == "strip" else [3, 0, 1, 2, 0, 0, 2, 1], "<u4")
+    parts = [corners, rows, np.array([3], "<u4"), np.array([0, 0, 32767], "<i2")]
+    starts = np.cumsum([0, *(part.nbytes for part in parts)]).tolist()
+    found = json.loads(gltf_of(corners, np.zeros((2, 3), int), "")[0])
+    found["bufferViews"] = [{"buffer": 0, "byteOffset": start} for start in starts[:4]]
+    packed = base64.b64encode(b"".join(part.tobytes() for part in parts)).decode()
+    found["buffers"] = [{"uri": f"data:;base64,{packed}"}]
+    sparse = {"count": 1, "indices": {"bufferView": 2, "componentType": 5125}, "values": {"bufferView": 3}}
+    point = {"bufferView": 0, "componentType": 5122, "count": 4, "type": "VEC3", "normalized": True}
+    row = {"bufferView": 1, "componentType": 5125, "type": "SCALAR"}
+    faces = {"attributes": {"POSITION": 0}, "indices": 1}
+    if mode == "strip":
+        found["accessors"] = [{**point, "sparse": sparse}, {**row, "count": 6}]
+        found["meshes"] = [{"primitives": [{**faces, "mode": 5}, {**faces, "mode": 0}]}]
+    else:
+        fan, triangle = {**row, "count": 5}, {**row, "byteOffset": 20, "count": 3}
+        found["accessors"] = [{**point, "sparse": sparse}, fan, triangle]
+        found["meshes"] = [{"primitives": [{**faces, "mode": 6}, {**faces, "indices": 2}]}]
+    (tmp_path / "a.gltf").write_text(json.dumps(found))
+    assert volumes(tmp_path / "a.gltf") == pytest.approx([1 / 6], rel=1e-12)
 
 
 @pytest.mark.parametrize("uri", [
