@@ -139,7 +139,7 @@ def _parents(
     meshes = inputs.meshes_among(sources)
     source = sources[0]
     if meshes is not None:
-        bodies, names = read_parents(meshes, unit, limit)
+        bodies, names = read_parents(meshes[:limit], unit, limit)
     else:
         if not source.exists():
             raise MbstudioError(f"{source} does not exist: check the name and the folder.")

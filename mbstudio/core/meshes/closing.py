@@ -32,6 +32,8 @@ _SEAMS = (1e-6, 1e-5)
 """Widths of seams that are sewn, as shares of the body's size."""
 _PLANE = 1e-9
 """Thickness of what is a plane but for rounding, as a share of its length."""
+_LARGEST = 1e50
+"""Largest coordinate: the cubes of larger ones leave the range of numbers."""
 _FLAT = 1e-12
 """Volume of what encloses nothing but rounding, as a share of its bounding cube."""
 
@@ -79,6 +81,10 @@ def closed_shells(
         wrong = int(np.count_nonzero(~np.isfinite(corners).all(axis=1).reshape(-1, 3).all(axis=1)))
         raise MeshError(
             f"{source} has {wrong} triangles with corners that are not finite numbers: export it again."
+        )
+    if np.abs(corners).max() > _LARGEST:
+        raise MeshError(
+            f"{source} has coordinates of {np.abs(corners).max():.2g}, no lengths: export it again."
         )
     soups = [weld_equal(points, faces)]
     if parts is not None and len(np.unique(parts)) > 1:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path, PureWindowsPath
 from urllib.parse import unquote
 
+import numpy as np
+
 from mbstudio.core.errors import MeshError
 from mbstudio.core.meshes.endings import MESH_ENDINGS
 from mbstudio.core.meshes.readers.gltf import read_gltf
@@ -51,10 +53,11 @@ def read_mesh_data(path: Path) -> MeshData:
     source = str(path)
     known = _format_of(path, data)
     try:
-        if known == "glTF":
-            found = read_gltf(data, source, lambda name: _sidecar(path, name))
-        else:
-            found = _READERS[known](data, source)
+        with np.errstate(all="ignore"):  # what is not finite is refused by name, once it is known where
+            if known == "glTF":
+                found = read_gltf(data, source, lambda name: _sidecar(path, name))
+            else:
+                found = _READERS[known](data, source)
     except _BREACHES as error:
         raise MeshError(
             f"{path} breaks the rules of {known} ({type(error).__name__}: {error}): export it again, "

@@ -274,6 +274,7 @@ def test_other_surfaces_that_are_no_body():
     for vertices, faces, words in (
         (box.vertices, box.faces[:0], "no faces"),
         (np.where(np.arange(8)[:, None] == 3, np.nan, box.vertices), box.faces, "not finite"),
+        (box.vertices * 1e120, box.faces, "no lengths"),
         (box.vertices * (1, 1, 0), box.faces, "no volume"),
         (box.vertices, np.array([[0, 0, 1], [2, 2, 2]]), "no volume"),
         (box.vertices, np.concatenate([wall, wall[:, ::-1]]), "not closed"),

@@ -76,13 +76,21 @@ def read_ply(data: bytes, source: str) -> MeshData:
             raise MeshError(f"{source} has faces whose corners are no list: export it again.")
         if element.name == "face":
             sizes.append(column.sizes)
-            corners.append(column.values.astype(np.int64))
+            corners.append(_whole(column.values, source))
         else:
-            strips = _strips(column.values.astype(np.int64))
+            strips = _strips(_whole(column.values, source))
             sizes.append(np.full(len(strips), 3))
             corners.append(strips.ravel())
     faces, _ = triangulate(vertices, np.concatenate(sizes), np.concatenate(corners), source)
     return MeshData(vertices, faces)
+
+
+def _whole(values: np.ndarray, source: str) -> Int[np.ndarray, " n"]:
+    """Return numbers of vertices, which text holds as floats."""
+    if values.dtype.kind == "f" and not (np.isfinite(values).all() and (values == np.rint(values)).all()):
+        raise MeshError(f"{source} is damaged: a face names a corner by no whole number: export it again.")
+    numbers: np.ndarray = np.clip(values, -1, np.iinfo(np.int32).max).astype(np.int64)
+    return numbers
 
 
 def _strips(row: Int[np.ndarray, " n"]) -> Int[np.ndarray, "f 3"]:
