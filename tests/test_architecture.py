@@ -295,13 +295,13 @@ def test_folders_stay_small():
     refuse(sorted(large))
 
 
-def test_every_package_says_what_lives_there():
-    folders = {path.parent for path in SOURCES.values()}
-    silent = [
-        place(folder)
-        for folder in sorted(folders)
-        if not (folder / "__init__.py").exists() or not ast.get_docstring(TREES[folder / "__init__.py"])
-    ]
+def test_every_package_says_what_lives_there_and_where_to_begin():
+    silent = []
+    for folder in sorted({path.parent for path in SOURCES.values()} - {PACKAGE}):
+        tree = TREES.get(folder / "__init__.py")
+        text = (ast.get_docstring(tree) if tree is not None else "") or ""
+        if len(text.splitlines()) < 3 or "egin" not in text:
+            silent.append(place(folder))
     refuse(silent)
 
 

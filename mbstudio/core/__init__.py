@@ -1,1 +1,4 @@
-"""The engine: arrays in, arrays out. Knows neither Qt nor windows."""
+"""The engine: arrays in, arrays out. Knows neither Qt nor windows.
+
+Its folders are the steps from scan to DEM files. Begin at `scan`, `grains` and `imaging`.
+"""

@@ -1,4 +1,8 @@
-"""Export of avatars to DEM engines, one module a target behind one registry."""
+"""Export of avatars to DEM engines.
+
+`formats` holds a module or folder for each engine, `shapes` and `specimen` what they share. Begin at
+:func:`~mbstudio.core.dem.exporting.export` and `target`.
+"""
 
 from mbstudio.core.dem.exporting import ExportReport, export, validate
 from mbstudio.core.dem.formats.metaball import read_metaball

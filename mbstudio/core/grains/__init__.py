@@ -1,4 +1,8 @@
-"""Grains: field of view, segmentation, labels and single grains."""
+"""Grains: field of view, segmentation, labels and single grains.
+
+`interfaces`, `phases` and `thresholding` find what is grain, `flooding` parts what touches. Begin at
+:func:`~mbstudio.core.grains.segmentation.segment`.
+"""
 
 from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
 from mbstudio.core.grains.grain import Grain

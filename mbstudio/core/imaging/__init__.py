@@ -1,4 +1,8 @@
-"""Metaball-Imaging: sphere clustering, then gradient search, each a step at a time."""
+"""Metaball-Imaging: an avatar is fitted to a grain, a step at a time.
+
+`start` places control points, `fast` and `paper` are the two methods, `goals` says how near is near enough.
+Begin at :func:`~mbstudio.core.imaging.fitting.fit`.
+"""
 
 from mbstudio.core.imaging.fitting import fit, start_fit
 from mbstudio.core.imaging.goals.fit_goal import FitGoal

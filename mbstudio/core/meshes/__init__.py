@@ -1,1 +1,4 @@
-"""Surface meshes: files of every kind, read into closed bodies by `bodies.read_bodies`."""
+"""Surface meshes: files of every kind, read into closed bodies.
+
+Begin at `bodies.read_bodies`.
+"""

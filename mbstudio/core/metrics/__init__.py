@@ -1,4 +1,7 @@
-"""Shape factors and mass properties of grains, meshes and avatars."""
+"""Shape factors and mass properties of grains, meshes and avatars.
+
+`factor_table` describes every factor once. Begin at :func:`~mbstudio.core.metrics.measuring.measure`.
+"""
 
 from mbstudio.core.metrics.detail import measure_detail
 from mbstudio.core.metrics.factor_table import FACTORS, Factor

@@ -1,4 +1,7 @@
-"""Populations of bodies: measured alike, their distributions, compared."""
+"""Populations of bodies: measured alike, their distributions, compared.
+
+Begin at :func:`~mbstudio.core.populations.measuring.measure_population`.
+"""
 
 from mbstudio.core.populations.comparison import PAPER_FACTORS, FactorComparison, compare, relative_errors
 from mbstudio.core.populations.distributions import (

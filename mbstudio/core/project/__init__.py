@@ -1,4 +1,7 @@
-"""The project: its state, its file and its history."""
+"""The project: its state, its file and its history.
+
+Begin at :class:`~mbstudio.core.project.project.Project`; `file` holds the format.
+"""
 
 from mbstudio.core.project.autosave import Autosave, AutosaveNote
 from mbstudio.core.project.history import History

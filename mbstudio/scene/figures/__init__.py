@@ -1,1 +1,4 @@
-"""Figures for print, with axes: populations, forms, sweeps, and those of the paper."""
+"""Figures for print, with axes: populations, forms, sweeps, and those of the paper.
+
+Begin at `population_figures`.
+"""

@@ -1,4 +1,5 @@
-"""The stations of the job, one folder each: from the scan to the export.
+"""The stations of the job, one folder for each, from the scan to the export.
 
-A station's folder holds its panel, its work and what belongs to it alone.
+A station's folder holds its panel, its work and all that belongs to it alone. Begin at `station` and
+`registry`.
 """

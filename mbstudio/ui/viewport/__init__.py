@@ -1,4 +1,7 @@
-"""The 3-D view: one interface, two implementations, chosen by what the machine can do."""
+"""The 3-D view: one interface, two implementations, chosen by what the machine can do.
+
+Begin at :class:`~mbstudio.ui.viewport.viewport.Viewport`.
+"""
 
 from __future__ import annotations
 

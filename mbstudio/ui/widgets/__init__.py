@@ -1,4 +1,4 @@
-"""The widgets that several stations share: plots, tables, strips of grains, forms of options, sliders.
+"""Widgets that several stations share: forms, plots, tables, sliders.
 
-A widget knows neither stations nor the window; one that a single station uses lies in its folder.
+They know no station and no project. Begin at `forms`.
 """

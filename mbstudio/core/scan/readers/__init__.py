@@ -1,4 +1,8 @@
-"""Readers, one module a file family. A new one is a module that ends with its ``FAMILY``, and a line here."""
+"""Readers of scans, one module for each family of files.
+
+A new one is a module that ends with its ``FAMILY``, and a line here. Begin at `family`, then at `npy`, the
+shortest.
+"""
 
 from __future__ import annotations
 

@@ -1,1 +1,4 @@
-"""The gallery below the view: parents, clones and kept grains as small pictures."""
+"""The gallery below the view: grains, avatars and clones as small pictures.
+
+It belongs to no single station. Begin at `link`, which fills it.
+"""

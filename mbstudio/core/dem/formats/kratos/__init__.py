@@ -1,1 +1,4 @@
-"""Kratos DEM: clusters of spheres."""
+"""Kratos DEM: clusters of spheres.
+
+Begin at `target`, which writes the shapes; `case` makes an example that runs.
+"""

@@ -1,1 +1,4 @@
-"""LIGGGHTS: multisphere templates."""
+"""LIGGGHTS: multisphere templates.
+
+Begin at `target`, which writes the shapes; `deck` and `specimen` make an example that runs.
+"""

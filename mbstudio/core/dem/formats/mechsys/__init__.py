@@ -1,1 +1,4 @@
-"""MechSys: sphero-polyhedra."""
+"""MechSys: sphero-polyhedra.
+
+Begin at `target`, which writes the shapes; `deck` makes an example that runs.
+"""

@@ -1,1 +1,4 @@
-"""MercuryDPM: clumps of spheres."""
+"""MercuryDPM: clumps of spheres.
+
+Begin at `target`, which writes the shapes; `deck` makes an example that runs.
+"""

@@ -1,1 +1,4 @@
-"""PFC3D (Itasca): clumps."""
+"""PFC3D (Itasca): clumps.
+
+Begin at `target`, which writes the shapes; `deck` makes an example that runs.
+"""

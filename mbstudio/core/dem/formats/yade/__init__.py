@@ -1,1 +1,4 @@
-"""Yade: clumps of spheres and level sets."""
+"""Yade: clumps of spheres and level sets.
+
+Begin at `target` (clumps) and `level_set`; `script` holds what both let Yade run.
+"""
