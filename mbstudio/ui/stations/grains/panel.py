@@ -56,7 +56,7 @@ class GrainPanel(Panel):
         self.ranges = QLineEdit()
         self.ranges.setPlaceholderText("90:140, 200:255")
         self.tone = QComboBox()
-        self.tone.addItem(tr("Found"), None)
+        self.tone.addItem(tr("Automatic"), None)
         self.tone.addItem(tr("Brighter than the pores"), False)
         self.tone.addItem(tr("Darker than the pores"), True)
         self.threshold = QDoubleSpinBox()
@@ -85,7 +85,7 @@ class GrainPanel(Panel):
             row(
                 tr("Grains are"),
                 self.tone,
-                tr("Found: the side whose surface is mostly convex"),
+                tr("Automatic: the side whose surface is mostly convex"),
             ),
             row(
                 tr("Threshold"),
