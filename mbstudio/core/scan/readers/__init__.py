@@ -9,9 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers import hdf5, meta_image, npy, nrrd, raw, slices, tiff
+from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
-from mbstudio.core.scan.readers.hdf5 import split_dataset
 
 FAMILIES: tuple[Family, ...] = (
     tiff.FAMILY,
@@ -21,6 +20,7 @@ FAMILIES: tuple[Family, ...] = (
     nrrd.FAMILY,
     meta_image.FAMILY,
     hdf5.FAMILY,
+    nifti.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
@@ -51,9 +51,9 @@ def family_of(path: Path, options: ReadOptions) -> Family:
         If no family reads such a file.
     """
     suffix = path.suffix.lower()
-    for family in FAMILIES:
-        if family.reads_folders if path.is_dir() else suffix in family.suffixes:
-            return family
+    family = _by_contents(path) if path.is_dir() else _by_ending(path) or _by_contents(path)
+    if family is not None:
+        return family
     if options.shape is not None:
         return raw.FAMILY
     if suffix in _OTHERS:
@@ -63,6 +63,44 @@ def family_of(path: Path, options: ReadOptions) -> Family:
         f"{path} is not a scan that mbstudio can read ({endings}, or a folder of slices): "
         "for RAW voxels give shape and dtype."
     )
+
+
+def _by_ending(path: Path) -> Family | None:
+    """Return the family of the longest ending that a file's name has."""
+    name = path.name.lower()
+    fitting = [
+        (len(suffix), family) for family in FAMILIES for suffix in family.suffixes if name.endswith(suffix)
+    ]
+    return max(fitting, key=lambda pair: pair[0])[1] if fitting else None
+
+
+def _by_contents(path: Path) -> Family | None:
+    """Return the family of a folder, or of a file that has no known ending, by what it holds."""
+    is_folder = path.is_dir()
+    fitting = [family for family in FAMILIES if family.reads_folders or not is_folder]
+    for family in fitting:
+        if family.recognises is not None and family.recognises(path):
+            return family
+    return next((family for family in fitting if is_folder and family.recognises is None), None)
+
+
+def split_dataset(path: Path) -> tuple[Path, str | None]:
+    """Part ``scan.h5:/entry/data`` (or ``scan.h5/entry/data``) into the file and the name inside it."""
+    text = str(path)
+    endings = [(suffix, family) for family in FAMILIES if family.holds_several for suffix in family.suffixes]
+    for sign in (":", "/", "\\"):
+        for suffix, family in endings:
+            # A folder within a folder that is a container (scan.zarr/0) is a part of that.
+            if path.exists() and not (family.reads_folders and path.is_dir()):
+                continue
+            place = text.lower().find(suffix + sign)
+            if place < 0:
+                continue
+            end = place + len(suffix)
+            file, name = Path(text[:end]), text[end + 1 :].replace("\\", "/").strip("/")
+            if name and (file.is_file() or (family.reads_folders and file.is_dir())):
+                return file, name
+    return path, None
 
 
 __all__ = ["FAMILIES", "SUFFIXES", "Family", "ReadOptions", "Reading", "family_of", "split_dataset"]

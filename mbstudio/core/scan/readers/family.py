@@ -36,7 +36,7 @@ class ReadOptions:
         Whether the voxels are numbers of grains rather than grey values: a palette's colours then
         mean nothing, and black and white are not exchanged.
     dataset : str or None
-        Which of the arrays in a container (HDF5) is meant.
+        Which of the arrays in a container (HDF5, Zarr, VTK) is meant.
     """
 
     shape: tuple[int, int, int] | None = None
@@ -102,12 +102,19 @@ class Family:
     read : callable
         ``read(path, options) -> Reading``; raises ScanError.
     reads_folders : bool
+    recognises : callable or None
+        ``recognises(path) -> bool``: whether a folder, or a file whose ending says nothing, is of this
+        family by what it holds. The family of folders without it takes all others.
+    holds_several : bool
+        Whether one of several arrays may be named behind a colon.
     """
 
     name: str
     suffixes: tuple[str, ...]
     read: Callable[[Path, ReadOptions], Reading]
     reads_folders: bool = False
+    recognises: Callable[[Path], bool] | None = None
+    holds_several: bool = False
 
 
 def require_grey_volume(shape: tuple[int, ...], dtype: np.dtype[Any], path: Path) -> None:

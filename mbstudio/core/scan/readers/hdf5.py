@@ -32,21 +32,6 @@ UNPACK_AT_ONCE_BYTES = 2 << 30
 _USUAL = ("exported_data", "exchange/data")
 
 
-def split_dataset(path: Path) -> tuple[Path, str | None]:
-    """Part ``scan.h5:/entry/data`` (or ``scan.h5/entry/data``) into the file and the name inside it."""
-    text = str(path)
-    for suffix in SUFFIXES:
-        for sign in (":", "/", "\\"):
-            place = text.lower().find(suffix + sign)
-            if place < 0 or path.exists():
-                continue
-            end = place + len(suffix)
-            file, name = Path(text[:end]), text[end + 1 :].replace("\\", "/").strip("/")
-            if name and file.is_file():
-                return file, name
-    return path, None
-
-
 def read(path: Path, options: ReadOptions) -> Reading:
     """Read one array of an HDF5 file.
 
@@ -326,4 +311,4 @@ def _spacing_of_nexus(
     return (edges[0], edges[1], edges[2]), unit, None
 
 
-FAMILY = Family("HDF5 or NeXus file", SUFFIXES, read)
+FAMILY = Family("HDF5 or NeXus file", SUFFIXES, read, holds_several=True)

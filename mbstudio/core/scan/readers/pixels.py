@@ -30,6 +30,8 @@ class PixelMeaning:
         Values a pixel, on the last axis where there are several: grey with alpha, RGB or RGBA.
     lossy : bool
         Whether equal colours may differ by rounding.
+    slope, intercept : float
+        What the stored numbers are multiplied by, and what is added then.
     """
 
     white_is_zero: bool = False
@@ -37,11 +39,19 @@ class PixelMeaning:
     palette: UInt16[np.ndarray, "n 3"] | None = None
     samples: int = 1
     lossy: bool = False
+    slope: float = 1.0
+    intercept: float = 0.0
+
+    @property
+    def is_rescaled(self) -> bool:
+        """Whether the stored numbers are not the values that they stand for."""
+        return self.slope != 1 or self.intercept != 0
 
     @property
     def is_plain(self) -> bool:
         """Whether the numbers are the grey values as they stand."""
-        return not self.white_is_zero and self.palette is None and self.samples == 1 and self.bits > 1
+        is_single = self.palette is None and self.samples == 1 and self.bits > 1
+        return is_single and not self.white_is_zero and not self.is_rescaled
 
 
 def decode(
@@ -69,6 +79,8 @@ def decode(
     if meaning.palette is not None:
         image = _through_palette(image, meaning.palette, name, numbers)
     image = plain_numbers(image)
+    if meaning.is_rescaled:
+        image = _rescaled(image, meaning)
     if meaning.white_is_zero and not numbers:
         image = inverted(image, meaning.bits)
     return image
@@ -91,6 +103,22 @@ def inverted(image: np.ndarray, bits: int) -> np.ndarray:
         return ~image
     largest = image.dtype.type(min(2**bits, 2 ** (8 * image.dtype.itemsize)) - 1)
     return np.asarray(largest - image)
+
+
+def _rescaled(image: np.ndarray, meaning: PixelMeaning) -> np.ndarray:
+    """Return the values that stored numbers stand for: whole ones where they can be, else real ones."""
+    if meaning.slope == 1 and meaning.intercept == int(meaning.intercept) and image.dtype.kind in "iu":
+        largest = 2.0 ** min(meaning.bits, 8 * image.dtype.itemsize) + abs(meaning.intercept)
+        kind = np.int16 if largest < 2**15 else np.int32
+        if largest < 2**31:
+            return np.add(image.astype(kind), kind(meaning.intercept))  # type: ignore[no-any-return]
+    is_small = image.dtype.itemsize <= 2 or image.dtype == np.float32
+    real = np.float32 if is_small else np.float64
+    with np.errstate(all="ignore"):  # what becomes infinite is told where the voxels are used
+        values: np.ndarray = image.astype(real)
+        np.multiply(values, real(meaning.slope), out=values)
+        np.add(values, real(meaning.intercept), out=values)
+    return values
 
 
 def _one_sample(image: np.ndarray, meaning: PixelMeaning, name: object, numbers: bool) -> np.ndarray:
