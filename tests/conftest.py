@@ -12,8 +12,10 @@ import ctypes
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import numpy as np
@@ -91,6 +93,24 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip(f"the real grains and scans are not there: {SHARED_DATA}")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def edit_project() -> Callable[[Path], AbstractContextManager[Any]]:
+    """Open a project file as HDF5 to change it; it is sealed anew at the end, as a stranger would do it."""
+    import h5py
+
+    from mbstudio.core.sealing import seal_image
+
+    @contextmanager
+    def edit(path: Path) -> Iterator[Any]:
+        with h5py.File(path, "r+") as file:
+            yield file
+        content = bytearray(path.read_bytes())
+        seal_image(content)
+        path.write_bytes(content)
+
+    return edit
 
 
 @pytest.fixture

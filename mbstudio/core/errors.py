@@ -81,3 +81,11 @@ class ExportError(MbstudioError):
 
 class ProjectError(MbstudioError):
     """A project file that cannot be read or written."""
+
+
+class DamagedProjectError(ProjectError):
+    """A file that is not what mbstudio wrote; nothing of it was read."""
+
+
+class ProjectWarning(UserWarning):
+    """A project could be opened, but the user should know something about its file."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 
-import h5py
 import numpy as np
 import pytest
 import tifffile
@@ -209,11 +208,13 @@ def messages(window):
     return said
 
 
-def test_a_project_of_a_newer_version_is_refused_and_says_what_to_do(segmented, idle, tmp_path, messages):
+def test_a_project_of_a_newer_version_is_refused_and_says_what_to_do(
+    segmented, idle, tmp_path, messages, edit_project
+):
     window = segmented
     before = window.workspace.state
     Project(ProjectState(fit_settings=before.fit_settings)).save(tmp_path / "tomorrow.mbs")
-    with h5py.File(tmp_path / "tomorrow.mbs", "r+") as file:
+    with edit_project(tmp_path / "tomorrow.mbs") as file:
         file.attrs["schema"] = 99
         file.attrs["written_by"] = "mbstudio 9.0"
     drop(window, tmp_path / "tomorrow.mbs")

@@ -1,6 +1,7 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
-Layout (schema 3); every text is UTF-8, nothing is pickled::
+The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
+it. Layout (schema 3); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest; voxels, if embedded
@@ -33,9 +34,11 @@ import numpy as np
 from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.kept_table import read_kept, write_kept
+from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
 from mbstudio.core.replacement import replacing
+from mbstudio.core.sealing import HEADER_BYTES, seal_image
 from mbstudio.core.units import VoxelSize
 from mbstudio.core.version import __version__
 
@@ -76,8 +79,9 @@ def write_project(path: Path, state: ProjectState, voxels: VoxelArray | None = N
     # HDF5 takes the whole process down (bus error) when the disk fills up under it, so it writes
     # to memory; the compressed image then goes to the disk through Python's own file.
     image = io.BytesIO()
-    with h5py.File(image, "w") as file:
+    with h5py.File(image, "w", userblock_size=HEADER_BYTES) as file:
         _write_state(file, path, state, voxels)
+    seal_image(image.getbuffer())
     try:
         with replacing(path) as temporary, temporary.open("wb") as stream:
             stream.write(image.getbuffer())
@@ -97,23 +101,20 @@ def read_project(path: Path) -> ProjectState:
     ProjectError
         If the file is missing, damaged, no project, or of a newer mbstudio.
     """
-    if not path.is_file():
-        raise ProjectError(f"{path} is not there, or not a file: check the name and the folder.")
     try:
-        # Project files are replaced, never changed in place, so that nobody needs a lock on
-        # them; shared folders often have none to give.
-        with h5py.File(path, "r", locking=False) as file:
+        with open_sealed(path) as (stream, seal), h5py.File(stream, "r") as file:
             _require_readable_schema(file, path)
-            return _read_state(file, path)
+            state = _read_state(file, path)
     except (OSError, KeyError, RuntimeError, ValueError, TypeError, MbstudioError) as error:
         if isinstance(error, ProjectError):
             raise
-        if isinstance(error, PermissionError):
-            raise ProjectError(f"{path} cannot be read: you have no permission to open it.") from error
         raise ProjectError(
             f"{path} is no project file of mbstudio, or it is damaged ({_reason(error)}): "
             "open a copy that was saved earlier, or copy it here again."
         ) from error
+    if seal is None:
+        warn_unsealed(path)
+    return state
 
 
 def read_embedded_voxels(path: Path) -> VoxelArray:
@@ -125,7 +126,7 @@ def read_embedded_voxels(path: Path) -> VoxelArray:
         If the file is damaged or holds no voxels.
     """
     try:
-        with h5py.File(path, "r", locking=False) as file:
+        with open_sealed(path) as (stream, _), h5py.File(stream, "r") as file:
             voxels: VoxelArray = file["scan/voxels"][:]
             return voxels
     except (OSError, KeyError, RuntimeError) as error:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import Signal
 
+from mbstudio.core.errors import ProjectWarning
 from mbstudio.core.project import Project
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.work import Work
@@ -31,7 +33,7 @@ class ProjectWork(Work):
     def open(self, path: Path) -> Task:
         """Open a project file."""
         task = Task(tr("Opening {name}", name=path.name), lambda control: _opened(path))
-        task.succeeded.connect(lambda project: self._take(project, path))
+        task.succeeded.connect(lambda opened: self._take(opened[0], opened[1], path))
         return self.queue.submit(task)
 
     def save(self, path: Path, after: Callable[[], object] | None = None) -> Task:
@@ -43,7 +45,7 @@ class ProjectWork(Work):
             task.succeeded.connect(lambda _: after())
         return self.queue.submit(task)
 
-    def _take(self, project: Project, path: Path) -> None:
+    def _take(self, project: Project, notes: tuple[str, ...], path: Path) -> None:
         self.workspace.replace_project(project)
         self.workspace.remember(path)
         grains = len(project.grains) if project.grains is not None else 0
@@ -53,7 +55,7 @@ class ProjectWork(Work):
             grains=grains,
             fitted=len(project.fits),
         )
-        self.said.emit("success", told)
+        self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
         self.opened.emit()
 
     def _saved(self, path: Path) -> None:
@@ -62,9 +64,13 @@ class ProjectWork(Work):
         self.said.emit("success", tr("Saved {name}.", name=path.name))
 
 
-def _opened(path: Path) -> Project:
-    project = Project.open(path)
+def _opened(path: Path) -> tuple[Project, tuple[str, ...]]:
+    """Return a project, and what the person should know about its file."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", ProjectWarning)
+        project = Project.open(path)
+    notes = tuple(str(one.message) for one in told if issubclass(one.category, ProjectWarning))
     if project.state.clones is not None:
         # Clones are compared with grains at once; what compares takes a second to load.
         import scipy.stats  # noqa: F401
-    return project
+    return project, notes

@@ -58,10 +58,10 @@ def test_a_project_without_kept_grains_is_written_and_read_as_before(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ['{"name": "kept 1"}', "no JSON", "[]"])
-def test_a_damaged_grain_is_named_with_its_file(tmp_path, damage):
+def test_a_damaged_grain_is_named_with_its_file(tmp_path, damage, edit_project):
     path = tmp_path / "sand.mbs"
     write_project(path, ProjectState(kept=(grain("kept 1", (1.0,)),)))
-    with h5py.File(path, "a") as file:
+    with edit_project(path) as file:
         file["kept/entries"][0] = damage
     with pytest.raises(ProjectError, match=r"sand\.mbs"):
         read_project(path)

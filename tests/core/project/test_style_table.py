@@ -87,20 +87,20 @@ def test_nothing_is_pickled(tmp_path, learner, clones):
 @pytest.mark.parametrize(
     "missing", ["style/entries", "style/latents", "clones/parents", "clones/avatars/unit"]
 )
-def test_a_missing_part_is_named(tmp_path, clones, missing):
+def test_a_missing_part_is_named(tmp_path, clones, missing, edit_project):
     path = tmp_path / "sand.mbs"
     learner = learn(boxes(8, np.random.default_rng(2)), "pca")
     write_project(path, ProjectState(style=learner, clones=clones))
-    with h5py.File(path, "a") as file:
+    with edit_project(path) as file:
         del file[missing]
     with pytest.raises(ProjectError, match=r"sand\.mbs"):
         read_project(path)
 
 
-def test_a_newer_style_is_named(tmp_path):
+def test_a_newer_style_is_named(tmp_path, edit_project):
     path = tmp_path / "sand.mbs"
     write_project(path, ProjectState(style=learn(boxes(8, np.random.default_rng(2)), "pca")))
-    with h5py.File(path, "a") as file:
+    with edit_project(path) as file:
         file["style"].attrs["format"] = 99
     with pytest.raises(ProjectError, match=r"sand\.mbs is from a newer mbstudio"):
         read_project(path)
