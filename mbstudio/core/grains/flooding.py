@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
+
+from mbstudio.core.compiled import compiled
 
 _LEVELS = 65_000
 
@@ -51,7 +52,7 @@ def split_by_necks(
     return labels, count
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _from_highest(heights: np.ndarray, top: float, order: np.ndarray) -> None:
     """Fill `order` with the flat indices of positive heights, highest first (counting sort, stable)."""
     scale = _LEVELS / top
@@ -67,7 +68,7 @@ def _from_highest(heights: np.ndarray, top: float, order: np.ndarray) -> None:
             starts[level] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _root(parents: np.ndarray, label: int) -> int:
     while parents[label] != label:
         parents[label] = parents[parents[label]]
@@ -75,7 +76,7 @@ def _root(parents: np.ndarray, label: int) -> int:
     return label
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _flood(  # noqa: C901 - compiled, one loop over the neighbours
     landscape: np.ndarray, order: np.ndarray, labels: np.ndarray, splitting: float, least_depth: float
 ) -> np.ndarray:
@@ -127,7 +128,7 @@ def _flood(  # noqa: C901 - compiled, one loop over the neighbours
     return parents[: count + 1]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _renumber(labels: np.ndarray, parents: np.ndarray) -> int:
     """Give merged basins one number each, 1..n, in order of their first voxel; return n."""
     numbers = np.zeros(parents.size, np.int32)

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int32
-from numba import njit
 from scipy import ndimage
+
+from mbstudio.core.compiled import compiled
 
 SMOOTHING = 1.0
 """Standard deviation of the blur before the gradient is taken, in voxels."""
@@ -117,7 +118,7 @@ def _noise_of_gradient(
     return max(found, min(0.05, 1e-3 * span), 1e-7 * span)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _at(volume: np.ndarray, z: float, y: float, x: float) -> float:  # pragma: no cover - compiled
     """Return a volume's value between voxels, linearly; beyond its faces that of the face."""
     nz, ny, nx = volume.shape
@@ -135,7 +136,7 @@ def _at(volume: np.ndarray, z: float, y: float, x: float) -> float:  # pragma: n
     return float(low * (1 - a) + high * a)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _steepness(volume: np.ndarray, z: float, y: float, x: float) -> float:  # pragma: no cover - compiled
     """Return the length of the gradient between voxels."""
     dz = _at(volume, z + 1.0, y, x) - _at(volume, z - 1.0, y, x)
@@ -144,7 +145,7 @@ def _steepness(volume: np.ndarray, z: float, y: float, x: float) -> float:  # pr
     return 0.5 * float(np.sqrt(dz * dz + dy * dy + dx * dx))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _level(  # pragma: no cover - compiled
     volume: np.ndarray,
     start: np.ndarray,
@@ -173,7 +174,7 @@ def _level(  # pragma: no cover - compiled
     return best
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _trace(  # pragma: no cover - compiled
     volume: np.ndarray, inner: np.ndarray, least: float, faded: float, farthest: int
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import fill_voids
-import numba
 import numpy as np
 from jaxtyping import Bool, Int
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.units import VoxelSize
 
@@ -62,7 +62,7 @@ def statistics(
     return voxels[1:], boxes[1:], sums[1:], cut[1:]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _gather(
     labels: np.ndarray,
     rim: np.ndarray,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from mbstudio.core.compiled import compiled
 
 # Rays are shifted by this share of a voxel, so that none meets an edge or corner of a mesh whose
 # coordinates are round numbers. Irrational ratios, the same in every run.
@@ -46,7 +47,7 @@ def voxelise(
     return np.ascontiguousarray((winding > 0).transpose(2, 0, 1))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _side(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """On which side of the edge a-b the point p lies; exactly opposite for b-a.
 
@@ -58,7 +59,7 @@ def _side(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> f
     return -((ax - bx) * (py - by) - (ay - by) * (px - bx))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _gather_crossings(
     points: np.ndarray, faces: np.ndarray, changes: np.ndarray, jitter_x: float, jitter_y: float
 ) -> None:

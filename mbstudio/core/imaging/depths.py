@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.imaging.preprocess import PreparedGrain
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def depth_at(
     points: np.ndarray,
     distance: np.ndarray,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metrics.sphere_directions import half_sphere
 
 _PLANES = 300  # that touch the surface in its tips
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _points_on_triangles(
     vertices: np.ndarray, faces: np.ndarray, areas: np.ndarray, fractions: np.ndarray, jitter: np.ndarray
 ) -> np.ndarray:
@@ -37,7 +37,7 @@ def _points_on_triangles(
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _places_on_curve(cells: np.ndarray) -> np.ndarray:
     """Return the place along Morton's curve of cells (x, y, z) of 10 bits an axis."""
     out = np.zeros(len(cells), np.int64)
@@ -103,7 +103,7 @@ def points_on_surface(
     return along_curve(chosen) if sharpened else chosen, points, float(areas.sum())
 
 
-@njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
+@compiled(fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
 def _farthest(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return the point (column of x, y, z) farthest along each direction, and farthest against it."""
     found = np.empty((2, len(directions)), np.int64)

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
+
+from mbstudio.core.compiled import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _mean_loss(field: np.ndarray) -> float:
     total = 0.0
     for i in range(len(field)):

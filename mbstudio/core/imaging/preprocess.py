@@ -13,8 +13,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.errors import FitError
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains.grain import Grain
@@ -152,7 +152,7 @@ class PreparedGrain:
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _block_average(mask: np.ndarray, fz: int, fy: int, fx: int, out: np.ndarray) -> None:
     """Add the share of each block of voxels that is inside; `out` starts at zero and has a margin of PAD."""
     nz, ny, nx = mask.shape

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from mbstudio.core.compiled import compiled
 
 # Shares of the size by which rays are shifted, so that none runs along edges of round coordinates.
 _JITTER = (3.1415926e-7, 2.7182818e-7)
@@ -38,7 +39,7 @@ def place_in(points: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) ->
     return places
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _crossings(places: np.ndarray, points: np.ndarray, faces: np.ndarray, ignored: int) -> np.ndarray:
     found = np.zeros(places.shape[0], np.int64)
     for face in range(faces.shape[0]):
@@ -67,7 +68,7 @@ def _crossings(places: np.ndarray, points: np.ndarray, faces: np.ndarray, ignore
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _side(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """On which side of the edge a-b the point p lies; exactly opposite for b-a."""
     if ax < bx or (ax == bx and ay < by):

@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64
-from numba import njit
 
+from mbstudio.core.compiled import SAFE_MATH, compiled
 from mbstudio.core.errors import AvatarError
 
-# Infinities must survive (f is infinite on a control point), so not plain ``fastmath=True``.
-SAFE_MATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
 # An upper bound of f in single precision below this is one below 1 with certainty.
 _BOUND_IN_SINGLE = 0.999
 _BLOCK = 256
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _field_at(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     total, n = points.shape[0], control.shape[1]
     px, py, pz = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
@@ -42,7 +40,7 @@ def _field_at(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
             out[start + p] = acc[p]
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _field_and_gradient_at(
     points: np.ndarray, control: np.ndarray, field: np.ndarray, gradient: np.ndarray
 ) -> None:
@@ -74,7 +72,7 @@ def _field_and_gradient_at(
             gradient[start + p, 2] = gz[p]
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _field_on_grid(origin: np.ndarray, spacing: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     nz, ny, nx = out.shape
     n = control.shape[1]
@@ -107,7 +105,7 @@ def _field_on_grid(origin: np.ndarray, spacing: np.ndarray, control: np.ndarray,
                     row[ix] += ka / (da * da + ca)
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _upper_bound_on_grid(
     origin: np.ndarray, spacing: np.ndarray, radius: np.float32, control: np.ndarray, out: np.ndarray
 ) -> None:
@@ -133,7 +131,7 @@ def _upper_bound_on_grid(
                     row[ix] += k * (one / (nearest * nearest))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _outer_plane(positions: np.ndarray, weights: np.ndarray) -> float:
     """Return a t beyond which sum k / (t - t_i)**2 < 1: no point of the solid lies further along the axis."""
     top, total = positions.max(), weights.sum()

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metaball.field import field_at
 from mbstudio.core.metaball.signed_distance import closest_points, u_gradient_hessian
 from mbstudio.core.metaball.surface import sample_solid
@@ -21,7 +21,7 @@ _MARKED = 0.85
 _MOST_MEASURED = 4
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _meetings(
     depth: np.ndarray, order: np.ndarray, least: np.float32, share: np.float32
 ) -> tuple[list[np.int64], list[np.float32], np.ndarray]:

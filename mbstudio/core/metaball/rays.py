@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Float64
-from numba import njit
 
+from mbstudio.core.compiled import SAFE_MATH, compiled
 from mbstudio.core.errors import AvatarError
-from mbstudio.core.metaball.field import SAFE_MATH, as_points, solid_bounds
+from mbstudio.core.metaball.field import as_points, solid_bounds
 
 SHORTEST_CHORD = 1e-5
 """Chords of the solid longer than this share of its diagonal are never missed."""
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _value_and_slope(
     t: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray
 ) -> tuple[float, float]:
@@ -34,7 +34,7 @@ def _value_and_slope(
     return total, slope
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _rising_part(
     t: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray, sign: float
 ) -> tuple[float, float]:
@@ -49,7 +49,7 @@ def _rising_part(
     return total, sign * slope
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _highest_bound(a: float, b: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray) -> float:
     """Return an upper bound of f over [a, b]."""
     total = 0.0
@@ -59,7 +59,7 @@ def _highest_bound(a: float, b: float, places: np.ndarray, squares: np.ndarray, 
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _lowest_bound(a: float, b: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray) -> float:
     """Return a lower bound of f over [a, b]."""
     total = 0.0
@@ -69,7 +69,7 @@ def _lowest_bound(a: float, b: float, places: np.ndarray, squares: np.ndarray, w
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _crossing(
     low: float, high: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray, inside: bool
 ) -> float:
@@ -92,7 +92,7 @@ def _crossing(
     return t
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _march(
     start: float, end: float, shortest: float, places: np.ndarray, squares: np.ndarray, weights: np.ndarray
 ) -> float:
@@ -129,7 +129,7 @@ def _march(
     return np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def crossing_along(
     origin: np.ndarray,
     direction: np.ndarray,
@@ -148,7 +148,7 @@ def crossing_along(
     return _march(0.0, end, shortest, places, squares, control[3])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _box_span(
     origin: np.ndarray, direction: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[float, float]:
@@ -164,7 +164,7 @@ def _box_span(
     return start, end
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _first_hits(
     origins: np.ndarray,
     directions: np.ndarray,

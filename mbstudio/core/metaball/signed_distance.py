@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Float64
-from numba import njit
 
-from mbstudio.core.metaball.field import SAFE_MATH, as_points, field_and_gradient_at
+from mbstudio.core.compiled import SAFE_MATH, compiled
+from mbstudio.core.metaball.field import as_points, field_and_gradient_at
 from mbstudio.core.metaball.rays import crossing_along
 
 _MOST_STEPS = 40
@@ -25,7 +25,7 @@ _DIRECTIONS = (
 )
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _shifted_sum(distances: np.ndarray, control: np.ndarray, shift: float) -> tuple[float, float]:
     """Return ``v = (sum k / (d + shift)**2)**(-1/2)`` and dv/dshift."""
     total = slope = 0.0
@@ -38,7 +38,7 @@ def _shifted_sum(distances: np.ndarray, control: np.ndarray, shift: float) -> tu
     return v, slope * v / total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _safe_radius(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Solve ``sum k / (d -+ R)**2 = 1``, from the side on which R is too small.
 
@@ -133,7 +133,7 @@ def first_order_distance(
         return distances
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def u_gradient_hessian(x: float, y: float, z: float, control: np.ndarray, out: np.ndarray) -> None:
     """Write u, its gradient (x, y, z) and its Hessian (xx, yy, zz, xy, xz, yz)."""
     f = gx = gy = gz = trace = xx = yy = zz = xy = xz = yz = 0.0
@@ -168,7 +168,7 @@ def u_gradient_hessian(x: float, y: float, z: float, control: np.ndarray, out: n
     out[9] = -4.0 * first * yz + second * gy * gz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _to_surface(place: np.ndarray, control: np.ndarray, out: np.ndarray) -> bool:
     """Move `place` onto u = 1 along the gradient; return whether that worked. `out` describes the end."""
     u_gradient_hessian(place[0], place[1], place[2], control, out)
@@ -195,7 +195,7 @@ def _to_surface(place: np.ndarray, control: np.ndarray, out: np.ndarray) -> bool
     return abs(rest) < 1e-7
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _nearest_crossing(
     point: np.ndarray,
     target: np.ndarray,
@@ -226,7 +226,7 @@ def _nearest_crossing(
                 place[axis] = point[axis] + t * direction[axis]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _tangential_step(
     rx: float, ry: float, rz: float, multiplier: float, state: np.ndarray, step: np.ndarray
 ) -> None:
@@ -266,7 +266,7 @@ def _tangential_step(
     step[0], step[1], step[2] = da * ax + db * bx, da * ay + db * by, da * az + db * bz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _settle(
     point: np.ndarray,
     place: np.ndarray,
@@ -304,7 +304,7 @@ def _settle(
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _closest_points(
     points: np.ndarray, control: np.ndarray, closest: np.ndarray, distance: np.ndarray
 ) -> None:

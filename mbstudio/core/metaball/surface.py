@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import SAFE_MATH, compiled
 from mbstudio.core.errors import AvatarError
-from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_on_grid, solid_bounds
+from mbstudio.core.metaball.field import field_and_gradient_at, field_on_grid, solid_bounds
 
 if TYPE_CHECKING:
     import trimesh
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _CHUNK = 128  # places whose sums stay in the nearest cache
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _signed_distances(
     places: np.ndarray, count: int, control: np.ndarray, sums: np.ndarray, out: np.ndarray
 ) -> None:
@@ -49,7 +49,7 @@ def _signed_distances(
         out[p] = (1.0 - u) / max(steepness, 1e-30)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _sort_layer(u: np.ndarray, iz: int, near: np.ndarray) -> tuple[int, int]:
     """Return how many nodes of a layer lie well inside, and how many `near` the surface (rows iy, ix)."""
     _, ny, nx = u.shape
@@ -72,7 +72,7 @@ def _sort_layer(u: np.ndarray, iz: int, near: np.ndarray) -> tuple[int, int]:
     return inside, found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _quadrature(
     u: np.ndarray, origin: np.ndarray, spacing: float, control: np.ndarray
 ) -> tuple[float, float]:
@@ -108,7 +108,7 @@ def _quadrature(
     return volume * spacing**3, area * spacing**3
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _triangle_area(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Return the area of all triangles together, in double precision and in their order."""
     total = 0.0

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metaball.field import field_at, solid_bounds
 from mbstudio.core.metaball.surface import sample_solid
 
@@ -50,7 +50,7 @@ class Topology:
         return self.pieces == 1 and self.voids == 0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _euler_characteristic(solid: np.ndarray) -> int:
     """Return V - E + F - C of the nodes of `solid` joined through faces (6-connectivity)."""
     nz, ny, nx = solid.shape
@@ -83,7 +83,7 @@ def genus_of_voxels(solid: Bool[np.ndarray, "Z Y X"]) -> int:
     return 1 - int(_euler_characteristic(~solid))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def group_root(parent: np.ndarray, i: int) -> int:
     """Return the group of i in a disjoint-set forest, and shorten the way to it."""
     while parent[i] != i:
@@ -92,7 +92,7 @@ def group_root(parent: np.ndarray, i: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def lowest_between(control: np.ndarray, a: int, b: int, samples: int, enough: float) -> float:
     """Return the lowest f on the line between control points a and b; any value below `enough` does."""
     lowest = np.inf
@@ -111,7 +111,7 @@ def lowest_between(control: np.ndarray, a: int, b: int, samples: int, enough: fl
     return lowest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def nearest_link(control: np.ndarray, piece: np.ndarray, samples: int) -> tuple[int, int, float]:
     """Return the two control points of different pieces nearest to joined, and the lowest f between."""
     best, at_a, at_b = -1.0, -1, -1
@@ -125,7 +125,7 @@ def nearest_link(control: np.ndarray, piece: np.ndarray, samples: int) -> tuple[
     return at_a, at_b, best
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def join_by_lines(control: np.ndarray, parent: np.ndarray, samples: int) -> None:
     """Join control points of different groups where the line between them stays in the solid."""
     n = control.shape[1]

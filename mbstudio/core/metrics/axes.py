@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.metrics.sphere_directions import turns
 
@@ -126,7 +126,7 @@ def _extents(
     return _widths(rows, np.ascontiguousarray(corners.T, dtype=np.float64)).reshape(-1, 3)
 
 
-@njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
+@compiled(fastmath={"nnan", "ninf", "nsz", "contract", "reassoc"})
 def _widths(rows: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Extent of corners (3, m) along each row; a compiled loop, as the product would be m times as large."""
     out = np.empty(len(rows))

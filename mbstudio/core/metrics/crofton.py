@@ -30,10 +30,10 @@ from math import gcd
 
 import numpy as np
 from jaxtyping import Bool, Float
-from numba import njit
 from scipy import ndimage
 from scipy.spatial import SphericalVoronoi
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.units import VoxelSize
 
 Direction = tuple[tuple[int, ...], float, float]
@@ -160,7 +160,7 @@ def block_shares(
     return share, (edges[0] * block, edges[1] * block, edges[2] * block)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _count(mask: np.ndarray, rind: np.ndarray, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Count runs and gaps; `rind` are the voxels inside that are close to the outside.
 

@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit
 from scipy import ndimage
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.errors import MeasureError
 
 _STARTS = 6
@@ -192,7 +192,7 @@ def _deepest(inside: Bool[np.ndarray, "Z Y X"]) -> Float[np.ndarray, "s 3"]:
     return np.array(kept, dtype=float)[:, ::-1]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _closest(triangles: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of a point to each triangle, and the closest points (Ericson 2004, 5.1.5)."""
     distances = np.empty(len(triangles))

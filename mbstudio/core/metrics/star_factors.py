@@ -13,9 +13,9 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
-from numba import njit
 
 from mbstudio.core import formulas
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metaball.field import field_and_gradient_at
 from mbstudio.core.metaball.rays import first_hits
 from mbstudio.core.metrics.axes import spread_frames
@@ -143,7 +143,7 @@ def _project_to_surface(directions: np.ndarray, radii: np.ndarray, control: np.n
     return points
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _volume_and_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the volume and the area of a closed mesh."""
     volume = area = 0.0
@@ -161,7 +161,7 @@ def _volume_and_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.array([volume / 6.0, area / 2.0])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _extents(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return the edges of the box around points along the rows of a frame."""
     out = np.empty(3)
@@ -175,7 +175,7 @@ def _extents(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _turn_frame(frame: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return a frame turned by a rotation vector (Rodrigues)."""
     angle = np.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
@@ -191,7 +191,7 @@ def _turn_frame(frame: np.ndarray, turn: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _narrow_box(
     points: np.ndarray, frame: np.ndarray, offsets: np.ndarray, angle: float, stages: int
 ) -> tuple[np.ndarray, float]:
@@ -210,7 +210,7 @@ def _narrow_box(
     return frame, volume
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _least_box(points: np.ndarray, fine: np.ndarray, frames: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Return the edges of the smallest box: the best few of many frames, then the best of these closely."""
     volumes = np.empty(len(frames))
@@ -238,7 +238,7 @@ def _box_lengths(points: np.ndarray, fine: np.ndarray) -> np.ndarray:
     return lengths
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _project_star(
     points: np.ndarray, edges: np.ndarray, direction: np.ndarray, rays: np.ndarray
 ) -> tuple[float, float]:
@@ -280,7 +280,7 @@ def _project_star(
     return area, perimeter
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _climb_views(
     points: np.ndarray, edges: np.ndarray, views: np.ndarray, climbs: int, rays: np.ndarray
 ) -> tuple[float, float]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.surfaces import avatar_surface
 
@@ -95,7 +95,7 @@ def nearest_sphere(
     return owner, best
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _nearest_sphere(
     points: np.ndarray, centers: np.ndarray, radii: np.ndarray, owner: np.ndarray, best: np.ndarray
 ) -> None:

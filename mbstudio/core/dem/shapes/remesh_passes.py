@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit
+
+from mbstudio.core.compiled import compiled
 
 _FLATTEST_FOLD = 0.3
 """No change turns a triangle's normal by more than the angle of this cosine."""
@@ -103,7 +104,7 @@ def flip_edges(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
     return faces
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _independent(pairs: np.ndarray, face_count: int) -> np.ndarray:
     taken = np.zeros(face_count, dtype=np.bool_)
     chosen = np.zeros(len(pairs), dtype=np.bool_)
@@ -114,7 +115,7 @@ def _independent(pairs: np.ndarray, face_count: int) -> np.ndarray:
     return chosen
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _normal(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
     return np.array(
         [
@@ -125,7 +126,7 @@ def _normal(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _turns_too_far(before: np.ndarray, after: np.ndarray) -> bool:
     dot = before[0] * after[0] + before[1] * after[1] + before[2] * after[2]
     lengths = np.sqrt((before**2).sum() * (after**2).sum())
@@ -133,7 +134,7 @@ def _turns_too_far(before: np.ndarray, after: np.ndarray) -> bool:
     return too_far
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _smallest_angle(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
     smallest = np.pi
     for corner in range(3):
@@ -149,13 +150,13 @@ def _smallest_angle(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
     return smallest
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _opposite(face: np.ndarray, a: int, b: int) -> int:
     corner: int = face[0] + face[1] + face[2] - a - b
     return corner
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _flip(
     vertices: np.ndarray, faces: np.ndarray, edges: np.ndarray, pairs: np.ndarray, keys: np.ndarray
 ) -> None:
@@ -185,7 +186,7 @@ def _flip(
         locked[a] = locked[b] = locked[c] = locked[d] = True
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _collapse(
     vertices: np.ndarray,
     faces: np.ndarray,
@@ -218,7 +219,7 @@ def _collapse(
         alive[pairs[e, 0]] = alive[pairs[e, 1]] = False
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _may_collapse(  # noqa: C901 - one loop over two fans of triangles, compiled
     vertices: np.ndarray,
     faces: np.ndarray,

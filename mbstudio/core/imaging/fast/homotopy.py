@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import field_on_grid
 
@@ -51,7 +51,7 @@ def _neighbourhood_tables() -> tuple[np.ndarray, np.ndarray, int, int]:
 _TOUCHING, _SHARING, _EIGHTEEN, _FACES = _neighbourhood_tables()
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _grown(seed: int, allowed: int, adjacent: np.ndarray) -> int:
     """Return the bits of `allowed` that are joined to `seed`."""
     reached = front = seed
@@ -65,7 +65,7 @@ def _grown(seed: int, allowed: int, adjacent: np.ndarray) -> int:
     return reached
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def is_simple(solid: np.ndarray, z: int, y: int, x: int) -> bool:
     """Tell whether changing a voxel keeps the topology of a solid joined through corners (26, 6).
 
@@ -86,7 +86,7 @@ def is_simple(solid: np.ndarray, z: int, y: int, x: int) -> bool:
     return sides != 0 and (sides & ~_grown(sides & -sides, empty, _SHARING)) == 0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _warp(solid: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Flip `cells` of `solid` in their order, again and again, where simple; return which are left."""
     left = np.ones(len(cells), np.bool_)

@@ -7,15 +7,14 @@ parameters are ln k of all control points, then their x, y and z. One thread, fi
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from mbstudio.core.metaball.field import SAFE_MATH
+from mbstudio.core.compiled import SAFE_MATH, compiled
 
 _CHUNK = 256
 _SUMMED = 1536
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def field_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write f at points (rows, float32) for control points (rows, float32)."""
     total, n = points.shape[1], control.shape[1]
@@ -32,7 +31,7 @@ def field_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> N
                 acc[p] += k / (dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def steepness_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write |grad f| / f at points."""
     total, n = points.shape[1], control.shape[1]
@@ -62,7 +61,7 @@ def steepness_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) 
 
 # Strict arithmetic: with fast-math flags a few calls in a hundred thousand, with the same numbers in
 # arrays elsewhere in memory, rounded differently, and a fit was not repeatable to the last bit.
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def curvature_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write twice the mean curvature of the level of f through each point, positive where convex."""
     n = control.shape[1]
@@ -100,7 +99,7 @@ def curvature_of_rows(points: np.ndarray, control: np.ndarray, out: np.ndarray) 
             out[start + p] = bend / (np.float32(2.0) * np.sqrt(square))
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def jacobian_of_rows(points: np.ndarray, control: np.ndarray, factor: np.ndarray, out: np.ndarray) -> None:
     """Write d(row)/d(parameter) as out[parameter, point], for rows with derivative `factor` by f."""
     total, n = points.shape[1], control.shape[1]
@@ -122,7 +121,7 @@ def jacobian_of_rows(points: np.ndarray, control: np.ndarray, factor: np.ndarray
                 by_z[p] = slope * dz
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def weighted_sums_of_rows(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
     """Write the sum of each row times `weights` (its first places), in double precision."""
     for a in range(rows.shape[0]):
@@ -132,7 +131,7 @@ def weighted_sums_of_rows(rows: np.ndarray, weights: np.ndarray, out: np.ndarray
         out[a] = total
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _tile(
     a0: np.ndarray,
     a1: np.ndarray,
@@ -170,7 +169,7 @@ def _tile(
     return s00, s01, s02, s03, s10, s11, s12, s13, s20, s21, s22, s23, s30, s31, s32, s33
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def add_normal_matrix(
     rows: np.ndarray, residual: np.ndarray, matrix: np.ndarray, gradient: np.ndarray
 ) -> None:
@@ -223,7 +222,7 @@ def add_normal_matrix(
                 matrix[a + 3, b + 3] += s33
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def solve_damped(  # noqa: C901 - compiled, in blocks for the cache
     matrix: np.ndarray, damping: np.ndarray, gradient: np.ndarray, factor: np.ndarray, step: np.ndarray
 ) -> bool:

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.depths import push_in
 from mbstudio.core.imaging.fast.levenberg_marquardt import add_normal_matrix, jacobian_of_rows, solve_damped
@@ -30,7 +30,7 @@ _STEEPEST = 1e6  # change of a distance with k, in working lengths, of a place t
 _MOST_OFFSET = 0.05  # that a control point moves to make up for those taken away
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _solve_lower(factor: np.ndarray, columns: np.ndarray) -> None:
     """Solve factor x = columns in place, 32 columns at a time."""
     size, total = columns.shape

@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import SAFE_MATH, compiled
 from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.loss import mean_loss, point_loss_slope
 from mbstudio.core.imaging.preprocess import CAVITIES, PreparedGrain, prepare
@@ -24,7 +24,7 @@ from mbstudio.core.imaging.run import StepRun, cluster_spheres
 from mbstudio.core.imaging.start.control_points import control_of_spheres
 from mbstudio.core.imaging.start.sphere_clustering import Sphere, cluster_overlapping, cluster_to_the_letter
 from mbstudio.core.imaging.steps import SearchStep
-from mbstudio.core.metaball.field import SAFE_MATH, field_and_gradient_at, field_at
+from mbstudio.core.metaball.field import field_and_gradient_at, field_at
 from mbstudio.core.options import OptionRecord, option
 
 _OF_ADAM = "Of Adam (Kingma and Ba's values)."
@@ -132,7 +132,7 @@ class PaperOptions(OptionRecord, owner="method 'paper'", error=FitError):
             )
 
 
-@njit(cache=True, nogil=True, fastmath=SAFE_MATH, error_model="numpy")
+@compiled(fastmath=SAFE_MATH, error_model="numpy")
 def _parameter_gradient(points: np.ndarray, slope: np.ndarray, control: np.ndarray, out: np.ndarray) -> None:
     """Write sum over points of slope * df/d(x, y, z, k) of each control point; rows as in `control`."""
     n, total = control.shape[1], points.shape[1]

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
-from numba import njit
+
+from mbstudio.core.compiled import compiled
 
 # Shares of its radius with which a sphere counts where spheres may overlap.
 _SHARES = (0.5, 0.25)
@@ -72,7 +73,7 @@ def cluster_to_the_letter(
         yield Sphere((iz, iy, ix), radius)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _zero_ball(left: np.ndarray, iz: int, iy: int, ix: int, square: float, spacing: np.ndarray) -> None:
     nz, ny, nx = left.shape
     radius = np.sqrt(square)
@@ -85,7 +86,7 @@ def _zero_ball(left: np.ndarray, iz: int, iy: int, ix: int, square: float, spaci
                     left[jz, jy, jx] = False
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _row_maxima(distance: np.ndarray, best: np.ndarray, place: np.ndarray) -> None:
     nz, ny, nx = distance.shape
     for iz in range(nz):
@@ -96,7 +97,7 @@ def _row_maxima(distance: np.ndarray, best: np.ndarray, place: np.ndarray) -> No
                     best[iz, iy], place[iz, iy] = distance[iz, iy, ix], ix
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _take_ball(
     distance: np.ndarray,
     best: np.ndarray,

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.imaging.start.control_points import rescale
 
@@ -31,7 +31,7 @@ GAP = 1.7
 """Local radii between the control points of a body that has enough of them."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _local_radii(
     depth: np.ndarray, order: np.ndarray, spacing: np.ndarray, cover: float, radius: np.ndarray
 ) -> None:
@@ -58,7 +58,7 @@ def _local_radii(
                         taken[jz, jy, jx] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _farthest(
     places: np.ndarray, radii: np.ndarray, first: int, chosen: np.ndarray, reach: np.ndarray, gap: float
 ) -> int:

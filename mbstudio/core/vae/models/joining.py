@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metaball.topology import join_by_lines, lowest_between, nearest_link, topology
 from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -20,7 +20,7 @@ _ENOUGH = 1.02
 _HALVINGS = 12
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _heaviest(control: np.ndarray, group: np.ndarray) -> np.intp:
     weights = np.zeros(len(group))
     for i in range(len(group)):
@@ -28,14 +28,14 @@ def _heaviest(control: np.ndarray, group: np.ndarray) -> np.intp:
     return weights.argmax()
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _groups_by_lines(control: np.ndarray) -> np.ndarray:
     group = np.arange(control.shape[1])
     join_by_lines(control, group, _SAMPLES)
     return group
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _draw_in(control: np.ndarray, group: np.ndarray) -> None:
     """Draw groups of control points to the heaviest one, each just as far as joins it."""
     n = control.shape[1]

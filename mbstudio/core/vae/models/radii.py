@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
-from numba import njit
 
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metaball.rays import crossing_along
 from mbstudio.core.vae.serialize.serialization import FLIPS, Serialization
 
@@ -54,7 +54,7 @@ def direction_exchange(in_octant: int = _IN_OCTANT) -> Int[np.ndarray, "8 direct
     return table
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _outermost(control: np.ndarray, along: np.ndarray, out: np.ndarray) -> None:
     places, squares = np.empty(control.shape[2]), np.empty(control.shape[2])
     start = np.empty(3)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
 from mbstudio.core import formulas
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metrics.star_factors import star_directions
 from mbstudio.core.vae.models.radii import SMALLEST_RADIUS, directions, outermost_radii
 from mbstudio.core.vae.serialize.serialization import Serialization
@@ -84,7 +84,7 @@ def _of_star(
     ])  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _integrals_and_slopes(
     points: np.ndarray, along: np.ndarray, faces: np.ndarray
 ) -> tuple[float, float, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -129,7 +129,7 @@ def _integrals_and_slopes(
     return volume, area, first, second, dv, da, df, ds
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _by_points(
     control: np.ndarray, along: np.ndarray, radii: np.ndarray, by_radii: np.ndarray, out: np.ndarray
 ) -> None:

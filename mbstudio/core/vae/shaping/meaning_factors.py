@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Float64
-from numba import njit
 
 from mbstudio.core import formulas
+from mbstudio.core.compiled import compiled
 from mbstudio.core.metrics.factor_table import LATENT_MEANINGS
 from mbstudio.core.metrics.star_factors import star_directions
 from mbstudio.core.vae.models.radii import directions, log_radii, outermost_radii
@@ -127,7 +127,7 @@ def share_of_sphere() -> tuple[float, float]:
     return volume / (4.0 * np.pi / 3.0), area / (4.0 * np.pi)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _integrals(points: np.ndarray, faces: np.ndarray) -> tuple[float, float, np.ndarray]:
     """Return volume, area and central second moments of a closed mesh."""
     volume = area = 0.0
