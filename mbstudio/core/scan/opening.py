@@ -14,6 +14,7 @@ import numpy as np
 
 from mbstudio.core.errors import MbstudioError, ScanError, ScanWarning, UnitError
 from mbstudio.core.scan.readers import Reading, ReadOptions, family_of, split_dataset
+from mbstudio.core.scan.readers.family import require_file
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import METRES_PER_UNIT, VoxelSize, conversion_factor
 
@@ -95,6 +96,8 @@ def read_file(path: Path, options: ReadOptions) -> Reading:
     file, dataset = split_dataset(path)
     if not file.exists():
         raise ScanError(f"{file} does not exist: check the name and the folder.")
+    if not file.is_dir():
+        require_file(file)
     if dataset is not None:
         options = replace(options, dataset=dataset)
     family = family_of(file, options)

@@ -11,6 +11,7 @@ from pathlib import Path
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
+from mbstudio.core.scan.readers.side_cars import nikon, phoenix
 
 FAMILIES: tuple[Family, ...] = (
     tiff.FAMILY,
@@ -21,6 +22,8 @@ FAMILIES: tuple[Family, ...] = (
     meta_image.FAMILY,
     hdf5.FAMILY,
     nifti.FAMILY,
+    nikon.FAMILY,
+    phoenix.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)

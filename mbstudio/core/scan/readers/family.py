@@ -162,13 +162,46 @@ def physical_memory() -> int | None:
         return None
 
 
+def require_file(path: Path) -> None:
+    """Raise ScanError unless `path` is there and a regular file, which cannot wait for a writer for ever."""
+    if not is_there(path):
+        raise ScanError(f"{path} does not exist: check the name and the folder.")
+    if not path.is_file():
+        raise ScanError(f"{path} is no regular file, so that it holds no scan.")
+
+
+def is_there(path: Path) -> bool:
+    """Return whether a file of that name exists; a name that no file can have is of none."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
 def side_car(path: Path, name: str) -> Path:
     """Return the file beside `path` that it names; ScanError if that lies in another folder."""
     name = name.strip().strip('"').strip()
     plain = name.removeprefix("./").removeprefix(".\\")
-    if not plain or "/" in plain or "\\" in plain or ":" in plain or plain in (".", ".."):
+    if not plain or any(sign in plain for sign in "/\\:\0") or plain in (".", ".."):
         raise ScanError(
             f"{path} names its data file '{name}', outside its own folder: "
             "put both into one folder and name the data file there without a folder."
         )
-    return path.parent / plain
+    return require_beside(path, path.parent / plain)
+
+
+def require_beside(path: Path, other: Path) -> Path:
+    """Return `other`; ScanError if it is a link that leads out of the folder of `path`."""
+    try:
+        place = other.resolve().parent
+        leads_out = place not in (path.parent.resolve(), path.resolve().parent)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ScanError(
+            f"{path} names its data file '{other.name}', which cannot be found: {error}."
+        ) from error
+    if leads_out:
+        raise ScanError(
+            f"{path} names its data file '{other.name}', a link that leads outside its own folder, "
+            f"to {place}: put the file itself beside it."
+        )
+    return other

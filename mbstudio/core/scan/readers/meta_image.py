@@ -97,6 +97,11 @@ def read(path: Path, options: ReadOptions) -> Reading:
     )
 
 
+def name_of_data(path: Path) -> str:
+    """Return which file a header says to hold its voxels."""
+    return _header(path)[0]["ElementDataFile"].removeprefix("./")
+
+
 def _edges(spacing: tuple[float, float, float]) -> str:
     return " x ".join(f"{edge:g}" for edge in spacing)
 

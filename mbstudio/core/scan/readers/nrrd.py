@@ -131,6 +131,12 @@ def _mapped(path: Path, header: dict[str, Any], sizes: tuple[int, ...], data_sta
     return np.memmap(file, dtype, "r", start, sizes[::-1])
 
 
+def name_of_data(path: Path) -> str | None:
+    """Return which file a header says to hold its voxels, None if they are its own."""
+    name = _detached(_header(path)[0])
+    return None if name is None else name.removeprefix("./")
+
+
 def _detached(header: dict[str, Any]) -> str | None:
     name = header.get("data file", header.get("datafile"))
     return None if name is None else str(name)

@@ -1,4 +1,4 @@
-"""RAW: bare voxels in a file that says nothing about itself."""
+"""RAW: bare voxels in a file that says nothing about itself; what lies beside it, or its name, may."""
 
 from __future__ import annotations
 
@@ -10,20 +10,28 @@ import numpy as np
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
 from mbstudio.core.scan.readers.pixels import plain_numbers
+from mbstudio.core.scan.readers.side_cars import voreen
+from mbstudio.core.scan.readers.side_cars.beside import is_described, read_beside
+from mbstudio.core.scan.readers.side_cars.layout import open_layout
+from mbstudio.core.scan.readers.side_cars.names import read_by_name, says_shape
 
 
 def read(path: Path, options: ReadOptions) -> Reading:
-    """Map a RAW file of stated shape (z, y, x) and dtype into memory.
+    """Map a RAW file into memory: as stated, or else as a side-car, or else as its name describes it.
 
     Raises
     ------
     ScanError
-        If shape or dtype is not stated, or the file is shorter or longer than they say.
+        If nothing says shape and type of the voxels, or the file is shorter or longer than that.
     """
+    if options.shape is None:
+        described = _described(path, options)
+        if described is not None:
+            return described
     if options.shape is None or options.dtype is None:
         raise ScanError(
-            f"{path} is a RAW file, which does not describe itself: give shape=(z, y, x) and dtype, "
-            "for example shape=(400, 512, 512), dtype='uint16'."
+            f"{path} is a RAW file, which does not describe itself, and nothing beside it does: "
+            "give shape=(z, y, x) and dtype, for example shape=(400, 512, 512), dtype='uint16'."
         )
     shape = tuple(int(count) for count in options.shape)
     if len(shape) != 3 or min(shape) < 1:
@@ -52,6 +60,23 @@ def read(path: Path, options: ReadOptions) -> Reading:
     return Reading(
         plain_numbers(np.memmap(path, dtype=dtype, mode="r", offset=options.header_bytes, shape=shape))
     )
+
+
+def describes_itself(path: Path) -> bool:
+    """Return whether a RAW file's name, or a file beside it, seems to say shape and type of its voxels."""
+    return says_shape(path) or _is_description(path) or is_described(path)
+
+
+def _described(path: Path, options: ReadOptions) -> Reading | None:
+    if _is_description(path):
+        layout = voreen.describe(path)
+        assert layout is not None
+        return open_layout(layout, options)
+    return read_beside(path, options) or read_by_name(path, options)
+
+
+def _is_description(path: Path) -> bool:
+    return path.suffix.lower() == ".dat" and path.is_file() and voreen.is_description(path)
 
 
 FAMILY = Family("RAW voxels", (".raw", ".bin", ".vol", ".dat"), read)

@@ -8,7 +8,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.formulas import nominal_diameter
-from mbstudio.core.scan.readers import SUFFIXES, raw
+from mbstudio.core.scan.readers import SUFFIXES
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.grains.panel import GrainPanel
 from mbstudio.ui.stations.grains.table import GrainTable
@@ -69,7 +69,7 @@ class GrainLink(QObject):
 
     def ask_labels(self) -> None:
         """Let the person choose a label image."""
-        kinds = " ".join(f"*{suffix}" for suffix in SUFFIXES if suffix not in raw.FAMILY.suffixes)
+        kinds = " ".join(f"*{suffix}" for suffix in SUFFIXES)
         name, _ = QFileDialog.getOpenFileName(
             self._studio.host,
             tr("Load labels"),

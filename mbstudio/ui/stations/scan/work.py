@@ -35,7 +35,7 @@ class OpenedScan:
 
 
 def is_raw(path: Path) -> bool:
-    """Return whether a file's shape must be told."""
+    """Return whether a file holds bare voxels, whose shape may have to be told."""
     return path.suffix.lower() in raw.FAMILY.suffixes
 
 
@@ -61,7 +61,7 @@ class ScanWork(Work):
     def open(self, path: Path, voxel_size: VoxelSize | str | None = None) -> Task | None:
         """Open a file or a folder of slices; ask for what it does not say."""
         path = Path(path)
-        if is_raw(path) and path.is_file():
+        if is_raw(path) and path.is_file() and not raw.describes_itself(path):
             self.asked.emit(path, tr("A RAW file contains only voxels. Describe them below."), True)
             return None
         size = VoxelSize.parse(voxel_size) if voxel_size is not None else None
@@ -88,7 +88,11 @@ class ScanWork(Work):
         task = Task(tr("Opening {name}", name=path.name), work)
         task.succeeded.connect(self._take)
         task.succeeded.connect(lambda _: self.workspace.remember(path))
-        if answer.voxel_size is None:
+        if answer.shape is None and is_raw(path):
+            # What lies beside the file, or its name, may be wrong: the person can tell what is right.
+            task.handled = (UnitError, ScanError)
+            task.failed.connect(lambda error: self._ask(path, error))
+        elif answer.voxel_size is None:
             task.handled = (UnitError,)
             task.failed.connect(lambda error: self._ask(path, error))
         return self.queue.submit(task)
@@ -141,7 +145,9 @@ class ScanWork(Work):
             self.workspace.give_scan(scan)
 
     def _ask(self, path: Path, error: Exception) -> None:
-        if isinstance(error, UnitError):
+        if isinstance(error, ScanError):
+            self.asked.emit(path, str(error), True)
+        elif isinstance(error, UnitError):
             # What to do about it is what the window asks for.
             self.asked.emit(path, f"{str(error).rpartition(': ')[0] or error}.", False)
 
