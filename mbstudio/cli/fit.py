@@ -128,6 +128,8 @@ def fit(
     dtype: inputs.DtypeOption = None,
     header_bytes: inputs.HeaderOption = 0,
     big_endian: inputs.EndianOption = False,
+    crop: inputs.CropOption = None,
+    binning: inputs.BinOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio fit``; `HELP` says what it does."""
@@ -140,6 +142,7 @@ def fit(
     aims = str(FitGoal.parse(target)) if target is not None else ""
     meshes = inputs.meshes_among(sources)
     source = sources[0]
+    inputs.require_scan_to_crop(source, crop, binning)
     output = _choose_output(meshes or sources, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
     if meshes is not None:
@@ -150,7 +153,9 @@ def fit(
         if scan is not None:
             project.relocate_scan(scan)
     else:
-        opened = inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian)
+        opened = inputs.open_input_scan(
+            source, voxel_size, shape, dtype, header_bytes, big_endian, crop, binning
+        )
         project = Project.new(opened, embed_scan=embed_scan)
     if project.grains is None or labels is not None or settings:
         inputs.find_grains(project, labels, settings)
@@ -166,6 +171,11 @@ def fit(
     summary = summarise(project.grains, outcome.fits, outcome.failures, time.monotonic() - begun)
     summary["project"] = str(output) if output.exists() else None
     _tell_outcome(inputs.title_of(sources), summary, project.grains, outcome, as_json)
+    _end_as(outcome, chosen, inputs.title_of(sources), output)
+
+
+def _end_as(outcome: Outcome, chosen: list[int], title: str, output: Path) -> None:
+    """End the command with an error if fitting was interrupted, or came to nothing."""
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(
@@ -174,8 +184,7 @@ def fit(
         raise typer.Exit(INTERRUPTED)
     if chosen and not outcome.fits:
         raise FitError(
-            f"None of the {len(chosen)} grains of {inputs.title_of(sources)} could be fitted: "
-            "the reasons are listed above."
+            f"None of the {len(chosen)} grains of {title} could be fitted: the reasons are listed above."
         )
 
 

@@ -35,6 +35,18 @@ DtypeOption = Annotated[
 ]
 HeaderOption = Annotated[int, typer.Option("--header-bytes", help="Bytes before the voxels of a RAW file.")]
 EndianOption = Annotated[bool, typer.Option("--big-endian", help="The RAW file is big-endian.")]
+CropOption = Annotated[
+    str | None,
+    typer.Option(
+        "--crop",
+        metavar="Z0:Z1,Y0:Y1,X0:X1",
+        help="Take only this region, in voxels of the file, with ends as Python slices them: 100:300,:,50:",
+    ),
+]
+BinOption = Annotated[
+    str | None,
+    typer.Option("--bin", metavar="N", help="Average blocks of N voxels; 1,2,2 (z, y, x) if they differ."),
+]
 SplittingOption = Annotated[
     float | None, typer.Option("--splitting", help="How readily touching grains are split, 0 to 1.")
 ]
@@ -139,6 +151,8 @@ def open_input_scan(
     dtype: str | None = None,
     header_bytes: int = 0,
     big_endian: bool = False,
+    crop: str | None = None,
+    binning: str | None = None,
 ) -> Scan:
     """Open a scan as the options of a command describe it."""
     from mbstudio.core.scan import open_scan
@@ -150,7 +164,23 @@ def open_input_scan(
         dtype=dtype,
         header_bytes=header_bytes,
         big_endian=big_endian,
+        crop=crop,
+        binning=binning,
     )
+
+
+def require_scan_to_crop(source: Path, crop: str | None, binning: str | None) -> None:
+    """Refuse a region or a bin of what is no scan file."""
+    if crop is None and binning is None:
+        return
+    option = "--crop" if crop is not None else "--bin"
+    if is_project(source):
+        raise MbstudioError(
+            f"{source} is a project, whose scan stays as it is: "
+            f"make another one of the scan's file with {option}."
+        )
+    if _means_meshes(source):
+        raise MbstudioError(f"{source} is no scan, and {option} is of voxels: leave it out.")
 
 
 def _three_numbers(text: str | None) -> tuple[int, int, int] | None:

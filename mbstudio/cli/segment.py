@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mbstudio.cli import console, inputs
 from mbstudio.core.errors import MbstudioError
+
+if TYPE_CHECKING:
+    from mbstudio.core.project import Project
 
 HELP = "Find the grains of a scan."
 
@@ -33,6 +36,8 @@ def segment(
     dtype: inputs.DtypeOption = None,
     header_bytes: inputs.HeaderOption = 0,
     big_endian: inputs.EndianOption = False,
+    crop: inputs.CropOption = None,
+    binning: inputs.BinOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio segment``; `HELP` says what it does."""
@@ -43,18 +48,19 @@ def segment(
         _require_label_output(write_labels, source)
     if output is not None:
         inputs.require_project_output(output)
+    inputs.require_scan_to_crop(source, crop, binning)
     if inputs.is_project(source):
         project = Project.open(source)
         if scan is not None:
             project.relocate_scan(scan)
     else:
         project = Project.new(
-            inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian)
+            inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian, crop, binning)
         )
     grains = inputs.find_grains(
         project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark)
     )
-    result = describe_grains(grains)
+    result = {**describe_grains(grains), **describe_part(project)}
     if write_labels is not None:
         write_label_image(write_labels, grains, project.scan.grid if project.scan is not None else None)
         result["labels"] = str(write_labels)
@@ -80,6 +86,14 @@ def describe_grains(grains: Any) -> dict[str, Any]:
         "median_dn": float(np.median(diameters)) if len(grains) else None,
         "unit": grains.unit,
     }
+
+
+def describe_part(project: Project) -> dict[str, Any]:
+    """Return which part of its file the scan of a project is, nothing where it is all of it."""
+    reference = project.state.scan
+    if reference is None or reference.excerpt is None:
+        return {}
+    return {"part": reference.excerpt.describe(), "voxel_size": str(reference.voxel_size)}
 
 
 def _require_label_output(path: Path, source: Path) -> None:

@@ -75,6 +75,8 @@ def sweep(
     dtype: inputs.DtypeOption = None,
     header_bytes: inputs.HeaderOption = 0,
     big_endian: inputs.EndianOption = False,
+    crop: inputs.CropOption = None,
+    binning: inputs.BinOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio sweep``; `HELP` says what it does."""
@@ -87,7 +89,8 @@ def sweep(
     _check_outputs(meshes or sources, output, figure, error, resume)
     done = read_sweep(output) if resume and output.exists() else []
     settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
-    scan_options = (voxel_size, shape, dtype, header_bytes, big_endian)
+    inputs.require_scan_to_crop(sources[0], crop, binning)
+    scan_options = (voxel_size, shape, dtype, header_bytes, big_endian, crop, binning)
     if meshes is not None:
         found = inputs.grains_of_meshes(meshes, resolution, unit, cavities)
     else:
@@ -98,10 +101,7 @@ def sweep(
     )  # fmt: skip
     begun = time.monotonic()
     interrupted = _drive(work, output, done, len(labels) * len(work.numbers))
-    if figure is not None and any(not row.error for row in work.rows):
-        from mbstudio.scene.figures.sweep_figure import save_sweep_figure
-
-        save_sweep_figure(figure, work.rows)
+    _draw(work, figure)
     _tell(work, inputs.title_of(sources), error / 100, as_json, output, figure, time.monotonic() - begun)
     if interrupted:
         console.tell("mbstudio: interrupted: run the same command with --resume to continue.")
@@ -181,6 +181,14 @@ def _drive(work: Sweep, output: Path, done: Sequence[SweepRow], fits: int) -> bo
             return True
     write_sweep(output, joined(work.rows, done))
     return False
+
+
+def _draw(work: Sweep, figure: Path | None) -> None:
+    """Draw the sweep into a file, if that is asked for and something was fitted."""
+    if figure is not None and any(not row.error for row in work.rows):
+        from mbstudio.scene.figures.sweep_figure import save_sweep_figure
+
+        save_sweep_figure(figure, work.rows)
 
 
 def _tell(

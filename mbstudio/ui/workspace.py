@@ -11,6 +11,7 @@ from PySide6.QtCore import QObject, QSettings, Signal
 
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
+from mbstudio.core.project.state import ScanIdentity
 from mbstudio.core.scan import Scan
 from mbstudio.ui.language import tr
 
@@ -64,7 +65,7 @@ class Workspace(QObject):
         self.selected: int | None = None
         self.chosen: frozenset[int] = frozenset()
         self.clone: int | None = None
-        self._scans: dict[str, Scan] = {}
+        self._scans: dict[ScanIdentity, Scan] = {}
         self._seen = self.project.state
         self._coalescing: str | None = None
 
@@ -116,14 +117,14 @@ class Workspace(QObject):
 
     def use_scan(self, scan: Scan, reference: ScanReference, title: str = "") -> None:
         """Begin with a scan whose reference a worker has made."""
-        self._scans[reference.digest] = scan
+        self._scans[reference.identity] = scan
         self.project.use_scan(scan, title=title or tr("Open scan"), reference=reference)
         self._announce()
 
     def give_scan(self, scan: Scan) -> None:
         """Hand over the opened scan of the present state (a project opens its scan in a worker)."""
         if self.state.scan is not None:
-            self._scans[self.state.scan.digest] = scan
+            self._scans[self.state.scan.identity] = scan
             self._take_scan()
             self.scan_changed.emit()
             self.state_changed.emit()
@@ -258,7 +259,7 @@ class Workspace(QObject):
 
     def _take_scan(self) -> None:
         reference = self.state.scan
-        scan = self._scans.get(reference.digest) if reference is not None else None
+        scan = self._scans.get(reference.identity) if reference is not None else None
         if scan is not None and reference is not None:
             scan = replace(scan, voxel_size=reference.voxel_size, origin=reference.origin)
         self.scan = scan

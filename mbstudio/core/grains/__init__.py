@@ -4,11 +4,11 @@
 :func:`~mbstudio.core.grains.segmentation.segment`.
 """
 
-from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.label_image import load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings, segment
+from mbstudio.core.scan.field_of_view import FieldOfView, find_field_of_view
 
 __all__ = [
     "FieldOfView",

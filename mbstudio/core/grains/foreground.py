@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
-from mbstudio.core.grains.field_of_view import FieldOfView
 from mbstudio.core.grains.interfaces import find_interfaces
 from mbstudio.core.grains.phases import Phases, find_phases
 from mbstudio.core.grains.thresholding import brighter_than, threshold_of
+from mbstudio.core.scan.field_of_view import FieldOfView
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from mbstudio.core.errors import GrainWarning, SegmentationError, UnitError
-from mbstudio.core.grains.field_of_view import find_field_of_view
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.label_numbers import (
     consecutive,
@@ -24,6 +23,7 @@ from mbstudio.core.grains.label_numbers import (
 from mbstudio.core.grains.label_placement import differs_in_size, lay_on_scan, require_no_better_order
 from mbstudio.core.grains.labelling import build_grain_set
 from mbstudio.core.grains.segmentation import part_mask
+from mbstudio.core.scan.field_of_view import find_field_of_view
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.opening import place, read_file
 from mbstudio.core.scan.readers import ReadOptions
@@ -31,7 +31,7 @@ from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
-    from mbstudio.core.grains.field_of_view import FieldOfView
+    from mbstudio.core.scan.field_of_view import FieldOfView
 
 # How readily touching grains are parted to see whether a mask holds such.
 _USUAL_SPLITTING = 0.75

@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from jaxtyping import Int, Shaped
+from jaxtyping import Float, Int, Shaped
 
 from mbstudio.core.errors import SegmentationError
+from mbstudio.core.scan.excerpt import Excerpt, describe_bin, times
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import METRES_PER_UNIT, VoxelSize
@@ -38,6 +39,9 @@ def lay_on_scan(
 
     Notes
     -----
+    Labels of the whole file that the scan is a region of are cropped as it is. Labels of voxels that
+    the scan has binned are refused: a mean of numbers of grains is the number of another.
+
     Where both files say how their voxels lie in space, that decides: labels whose axes run in
     another order or direction are turned, those of a cropped region land where their origin says.
     Where one of them says nothing, both are taken to be stored in the same order, as they are
@@ -49,20 +53,64 @@ def lay_on_scan(
     SegmentationError
         If the labels cannot be brought onto the scan's voxels.
     """
+    _require_same_blocks(stored, scan, name)
     if scan.grid is not None and grid is not None and not grid.says_nothing and not scan.grid.says_nothing:
         return _by_space(stored, grid, scan, scan.grid, name)
+    if scan.excerpt is not None and stored.shape == scan.excerpt.whole:
+        return _region_of_whole(stored, grid, scan, scan.excerpt, name)
     target = scan.shape
     notes: tuple[str, ...] = ()
-    if stored.shape == target:
+    if grid is not None and _tells_place_in_file(grid, scan):
+        labels, notes = _by_origin(stored, grid, scan, name)
+    elif stored.shape == target:
         # Either file may have been turned round: the scan when it was read, the labels by their axes.
         turns = [one for one in (scan.grid, grid) if one is not None and any(one.flipped)]
-        labels = _stored_or_turned(stored, turns[0], scan, name) if turns else stored
+        labels = _stored_or_turned(stored, turns[0].as_read(stored), scan, name) if turns else stored
     elif grid is not None and not grid.says_nothing and scan.grid is None:
         labels, notes = _by_origin(stored, grid, scan, name)
     else:
         raise SegmentationError(_shape_message(stored.shape, target, name))
     require_no_better_order(labels, scan, name)
     return labels, notes
+
+
+def _require_same_blocks(stored: Int[np.ndarray, "z y x"], scan: Scan, name: str) -> None:
+    """Refuse labels of the file's voxels on a scan in blocks of them."""
+    part = scan.excerpt
+    if part is None or not part.is_binned:
+        return
+    unbinned = tuple(stop - start for start, stop in zip(part.start, part.stop, strict=True))
+    if stored.shape != scan.shape and stored.shape in (part.whole, unbinned):
+        raise SegmentationError(
+            f"{name} has the {times(stored.shape)} voxels of the scan before it was binned "
+            f"({describe_bin(part.bin)}), and numbers of grains have no mean: open the scan without a bin, "
+            "or make labels of the binned scan."
+        )
+
+
+def _region_of_whole(
+    stored: Int[np.ndarray, "z y x"], grid: Grid | None, scan: Scan, part: Excerpt, name: str
+) -> tuple[Int[np.ndarray, "Z Y X"], tuple[str, ...]]:
+    """Crop labels of the whole file as the scan is cropped, in the order in which both are stored."""
+    before, behind = part.left_out
+    turns = [one for one in (scan.grid, grid) if one is not None and any(one.flipped)]
+    flipped = turns[0].flipped if turns else (False, False, False)
+
+    def cut(flips: tuple[bool, bool, bool]) -> np.ndarray:
+        ends = zip(before, behind, flips, stored.shape, strict=True)
+        return stored[
+            tuple(
+                slice(last, count - first) if back else slice(first, count - last)
+                for first, last, back, count in ends
+            )
+        ]
+
+    if turns:
+        labels = _stored_or_turned(cut((False, False, False)), turns[0].as_read(cut(flipped)), scan, name)
+    else:
+        labels = cut(flipped)
+    require_no_better_order(labels, scan, name)
+    return labels, ("covers the whole file, of which the scan is a region: the labels were cropped to it.",)
 
 
 def _shape_message(shape: tuple[int, ...], target: tuple[int, int, int], name: str) -> str:
@@ -94,7 +142,8 @@ def _by_space(
     signs = np.rint(turn)
     whole = np.abs(turn - signs).max() < 0.01 and np.array_equal(np.abs(signs) @ np.abs(signs).T, np.eye(3))
     if not whole:
-        if stored.shape == scan.shape and _is_scaled(turn):
+        binned = scan.excerpt is not None and scan.excerpt.is_binned
+        if stored.shape == scan.shape and _is_scaled(turn) and not binned:
             ratio = float(np.cbrt(abs(np.linalg.det(turn))))
             note = f"states voxels {ratio:g} times as large as the scan's, for as many: the scan's are taken."
             labels = scan_grid.as_read(stored)
@@ -117,9 +166,10 @@ def _by_space(
     back = [signs[axes[axis], axis] < 0 for axis in (2, 1, 0)]
     turned = turned[tuple(slice(None, None, -1 if one else 1) for one in back)]
     start = [int(corner[axis]) - (turned.shape[2 - axis] - 1 if back[2 - axis] else 0) for axis in (2, 1, 0)]
-    placed = _placed(turned, start, scan.shape, name)
+    around = _left_out_as_stored(scan, scan_grid)
+    placed = _placed(turned, start, scan.shape, name, around)
     if turned.shape != scan.shape or any(start):
-        notes = (f"covers a part of the scan, from voxel {tuple(start)} (z, y, x), as its origin says.",)
+        notes = (_part_note(turned.shape, start, scan.shape),)
     labels = scan_grid.as_read(placed)
     require_no_better_order(labels, scan, name)
     return labels, notes
@@ -136,21 +186,62 @@ def _edges(grid: Grid) -> str:
     return f"{edges} {grid.unit or ''}".strip()
 
 
+_Around = tuple[tuple[int, ...], tuple[int, ...]]
+_NOTHING_AROUND: _Around = ((0, 0, 0), (0, 0, 0))
+
+
+def _left_out_as_stored(scan: Scan, grid: Grid) -> _Around:
+    """Return how many of the scan's voxels its file holds before and behind it along the stored axes."""
+    if scan.excerpt is None:
+        return _NOTHING_AROUND
+    before, behind = (
+        [count // factor for count, factor in zip(counts, scan.excerpt.bin, strict=True)]
+        for counts in scan.excerpt.left_out
+    )
+    pairs = [
+        (last, first) if back else (first, last)
+        for first, last, back in zip(before, behind, grid.flipped, strict=True)
+    ]
+    return tuple(first for first, _ in pairs), tuple(last for _, last in pairs)
+
+
+def _part_note(labels: tuple[int, ...], start: list[int], shape: tuple[int, int, int]) -> str:
+    """Return the note on labels that do not lie on the scan voxel for voxel."""
+    covers_all = all(
+        first <= 0 and first + count >= whole
+        for first, count, whole in zip(start, labels, shape, strict=True)
+    )
+    if covers_all:
+        return "covers more than the scan, which is a region of its file: the labels were cropped to it."
+    return f"covers a part of the scan, from voxel {tuple(start)} (z, y, x), as its origin says."
+
+
 def _placed(
-    labels: Int[np.ndarray, "z y x"], start: list[int], shape: tuple[int, int, int], name: str
+    labels: Int[np.ndarray, "z y x"],
+    start: list[int],
+    shape: tuple[int, int, int],
+    name: str,
+    around: _Around = _NOTHING_AROUND,
 ) -> Int[np.ndarray, "Z Y X"]:
-    """Return labels of a region in a volume of the scan's shape; SegmentationError if grains lie outside."""
+    """Return labels of a region in a volume of the scan's shape.
+
+    `around` is how many voxels the scan's file has before and behind it: grains there are left out;
+    SegmentationError if they lie farther outside.
+    """
     if labels.shape == shape and not any(start):
         return labels
-    inside = tuple(
-        slice(max(0, -first), max(0, min(count, whole - first)))
-        for first, count, whole in zip(start, labels.shape, shape, strict=True)
+    inside, known = (
+        tuple(
+            slice(max(0, -more - first), max(0, min(count, whole + most - first)))
+            for first, count, whole, more, most in zip(start, labels.shape, shape, *margins, strict=True)
+        )
+        for margins in (_NOTHING_AROUND, around)
     )
     region = tuple(
         slice(first + part.start, first + part.stop) for first, part in zip(start, inside, strict=True)
     )
     kept = labels[inside]
-    if np.count_nonzero(kept) != np.count_nonzero(labels):
+    if np.count_nonzero(labels[known]) != np.count_nonzero(labels):
         raise SegmentationError(
             f"{name} reaches beyond the scan: by its origin its first voxel lies at {tuple(start)} (z, "
             "y, x) of a "
@@ -177,16 +268,38 @@ def _by_origin(
             "the scan "
             f"({scan.voxel_size}, {scan.shape}): resample the labels onto the scan, with nearest neighbours."
         )
-    shift = grid.origin / steps
+    part = scan.excerpt
+    around = _NOTHING_AROUND if part is None else _left_out_as_stored(scan, grid)
+    shift = (grid.origin - _begin_in_file(scan, grid)) / steps
     corner = np.rint(shift)
     if np.abs(shift - corner).max() > 0.1:
         raise SegmentationError(_shape_message(stored.shape, scan.shape, name))
     start = [int(corner[axis]) for axis in (2, 1, 0)]
-    note = (
-        f"covers a part of the scan, from voxel {tuple(start)} (z, y, x), as its origin says where the scan "
-        "begins at zero."
-    )
-    return _placed(stored, start, scan.shape, name), (note,)
+    placed = _placed(stored, start, scan.shape, name, around)
+    if stored.shape == scan.shape and not any(start):
+        return placed, ()
+    note = f"{_part_note(stored.shape, start, scan.shape)[:-1]} where the scan's file begins at zero."
+    return placed, (note,)
+
+
+def _tells_place_in_file(grid: Grid, scan: Scan) -> bool:
+    """Whether labels say where they lie in the file that the scan is a region of, which says nothing."""
+    if scan.excerpt is None or scan.grid is not None or grid.says_nothing:
+        return False
+    steps = np.diag(grid.steps)
+    along_axes = np.allclose(np.diag(steps), grid.steps, atol=1e-3 * np.abs(steps).max())
+    return bool(along_axes and steps.min() > 0) and _fits(grid, scan.voxel_size)
+
+
+def _begin_in_file(scan: Scan, grid: Grid) -> Float[np.ndarray, "3"]:
+    """Return where a region of a file that begins at zero begins, in the unit of a grid."""
+    part = scan.excerpt
+    if part is None:
+        return np.zeros(3)
+    middle = [first + (factor - 1) / 2 for first, factor in zip(part.start, part.bin, strict=True)]
+    place = part.voxel_size_of_file(scan.voxel_size).positions(np.array([middle]))[0]
+    factor = 1.0 if grid.unit is None else METRES_PER_UNIT[scan.unit] / METRES_PER_UNIT[grid.unit]
+    return np.asarray(place * factor)
 
 
 def _fits(grid: Grid, size: VoxelSize) -> bool:
@@ -203,10 +316,9 @@ def differs_in_size(grid_size: VoxelSize, size: VoxelSize) -> bool:
 
 
 def _stored_or_turned(
-    stored: Int[np.ndarray, "Z Y X"], grid: Grid, scan: Scan, name: str
+    stored: Int[np.ndarray, "Z Y X"], turned: Int[np.ndarray, "Z Y X"], scan: Scan, name: str
 ) -> Int[np.ndarray, "Z Y X"]:
-    """Choose by the grey values whether labels are taken as stored, or as their axes say."""
-    turned = grid.as_read(stored)
+    """Choose by the grey values whether labels are taken as stored, or turned as their axes say."""
     grey, _ = _thinned(scan.voxels)
     as_stored = abs(_correlation(_thinned(stored)[0] > 0, grey))
     as_turned = abs(_correlation(_thinned(turned)[0] > 0, grey))

@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import ScanError, SegmentationError
-from mbstudio.core.grains.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
 from mbstudio.core.grains.flooding import split_by_necks
 from mbstudio.core.grains.foreground import find_foreground
 from mbstudio.core.grains.grain_set import GrainSet
@@ -30,6 +29,7 @@ from mbstudio.core.grains.labelling import (
     statistics,
     widened_box,
 )
+from mbstudio.core.scan.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 

@@ -210,7 +210,9 @@ class Autosave:
         reference = state.scan
         if reference is not None and reference.embedded:
             voxels = read_embedded_voxels(self.folder / parts["grains"])
-            scan = Scan(voxels, reference.voxel_size, reference.origin, reference.path)
+            scan = Scan(
+                voxels, reference.voxel_size, reference.origin, reference.path, excerpt=reference.excerpt
+            )
         # Names of parts written from now on must not meet those that are there.
         self._count = max(int(file.rpartition("-")[2].partition(".")[0]) for file in parts.values())
         # A part that is not there is not written yet: the next write makes it.

@@ -1,10 +1,11 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
 The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
-it. Layout (schema 3); every text is UTF-8, nothing is pickled::
+it. Layout (schema 4); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
-    /scan            attributes: where the scan lies and its digest; voxels, if embedded
+    /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
+                     large blocks; voxels, if embedded
     /segmentation    attributes: the settings, None as an empty attribute
     /grains/labels   label volume, compressed; attributes: voxel size, unit, origin
     /grains/table    one dataset a column; attribute: order of the columns
@@ -13,8 +14,8 @@ it. Layout (schema 3); every text is UTF-8, nothing is pickled::
     /style, /clones  see mbstudio.core.project.style_table; only where there are some
     /kept            see mbstudio.core.project.kept_table; only where there are some
 
-Schema 1 has neither style nor clones, schema 2 no kept grains: a project is written in the lowest that
-holds it.
+Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans: a project is
+written in the lowest that holds it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
 from mbstudio.core.replacement import replacing
+from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.sealing import HEADER_BYTES, seal_image
 from mbstudio.core.units import VoxelSize
 from mbstudio.core.version import __version__
@@ -49,8 +51,8 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 3
-_WITHOUT_KEPT, _WITHOUT_STYLE = 2, 1
+SCHEMA = 4
+_WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
 
 # Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
 # checksum tells of damage that the file's structure does not show.
@@ -161,8 +163,13 @@ def _require_readable_schema(file: h5py.File, path: Path) -> None:
 
 def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
     # What older versions would lose unseen keeps them away; all else stays readable to them.
-    styled = state.style is not None or state.clones is not None
-    schema = SCHEMA if state.kept else _WITHOUT_KEPT if styled else _WITHOUT_STYLE
+    if state.scan is not None and state.scan.excerpt is not None:
+        schema = SCHEMA
+    elif state.kept:
+        schema = _WITHOUT_PARTS
+    else:
+        styled = state.style is not None or state.clones is not None
+        schema = _WITHOUT_KEPT if styled else _WITHOUT_STYLE
     file.attrs.update(format=FORMAT, schema=schema, written_by=f"mbstudio {__version__}")
     if state.scan is not None:
         _write_scan(file.create_group("scan"), path, state.scan, voxels)
@@ -244,6 +251,11 @@ def _write_scan(group: h5py.Group, path: Path, scan: ScanReference, voxels: Voxe
         shape_zyx=scan.shape, dtype=scan.dtype, digest=scan.digest, embedded=scan.embedded,
         header_bytes=scan.header_bytes, big_endian=scan.big_endian,
     )  # fmt: skip
+    if scan.excerpt is not None:
+        part = scan.excerpt
+        group.attrs.update(
+            file_shape_zyx=part.whole, start_zyx=part.start, stop_zyx=part.stop, bin_zyx=part.bin
+        )
     if scan.path is not None:
         place = scan.path.resolve()
         group.attrs["path"] = str(place)
@@ -283,7 +295,20 @@ def _read_scan(group: h5py.Group, path: Path) -> ScanReference:
         embedded=bool(group.attrs["embedded"]),
         header_bytes=int(group.attrs["header_bytes"]),
         big_endian=bool(group.attrs["big_endian"]),
+        excerpt=_read_excerpt(group, (depth, height, width)),
     )
+
+
+def _read_excerpt(group: h5py.Group, shape: tuple[int, int, int]) -> Excerpt | None:
+    """Return which part of its file the scan is, None for all of it."""
+    if "file_shape_zyx" not in group.attrs:
+        return None
+    whole, start, stop, factors = (
+        _plain(group.attrs[name]) for name in ("file_shape_zyx", "start_zyx", "stop_zyx", "bin_zyx")
+    )
+    excerpt = Excerpt(whole, start, stop, factors, int(group.attrs["header_bytes"]))
+    excerpt.require_possible(shape)
+    return excerpt
 
 
 def _write_grains(group: h5py.Group, grains: GrainSet) -> None:

@@ -17,7 +17,7 @@ from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
 from mbstudio.core.project.history import History
 from mbstudio.core.project.scan_reference import refer_to, reopen
-from mbstudio.core.project.state import ProjectState, ScanReference
+from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
 from mbstudio.core.scan import Scan
 
 
@@ -48,7 +48,7 @@ class Project:
         self.path = Path(path) if path is not None else None
         self.history = History(state or ProjectState())
         self._saved_state: ProjectState | None = self.state
-        self._open_scans: dict[str, Scan] = {}
+        self._open_scans: dict[ScanIdentity, Scan] = {}
 
     @classmethod
     def new(cls, scan: Scan | None = None, *, embed_scan: bool = False) -> Project:
@@ -56,7 +56,7 @@ class Project:
         project = cls()
         if scan is not None:
             reference = refer_to(scan, embed=embed_scan)
-            project._open_scans[reference.digest] = scan
+            project._open_scans[reference.identity] = scan
             project.history = History(replace(project.state, scan=reference))
             project._saved_state = None
         return project
@@ -81,7 +81,7 @@ class Project:
         project = cls(state, path)
         project._saved_state = None
         if scan is not None and state.scan is not None:
-            project._open_scans[state.scan.digest] = scan
+            project._open_scans[state.scan.identity] = scan
         return project
 
     @property
@@ -119,15 +119,17 @@ class Project:
         reference = self.state.scan
         if reference is None:
             return None
-        if reference.digest not in self._open_scans:
+        if reference.identity not in self._open_scans:
             if reference.embedded and self.path is not None:
                 voxels = read_embedded_voxels(self.path)
-                scan = Scan(voxels, reference.voxel_size, reference.origin, reference.path)
+                scan = Scan(
+                    voxels, reference.voxel_size, reference.origin, reference.path, excerpt=reference.excerpt
+                )
             else:
                 scan = reopen(reference)
-            self._open_scans[reference.digest] = scan
+            self._open_scans[reference.identity] = scan
         return replace(
-            self._open_scans[reference.digest], voxel_size=reference.voxel_size, origin=reference.origin
+            self._open_scans[reference.identity], voxel_size=reference.voxel_size, origin=reference.origin
         )
 
     def change(self, title: str, **changes: Any) -> ProjectState:
@@ -148,7 +150,7 @@ class Project:
         voxels) gives it.
         """
         reference = reference or refer_to(scan, embed=embed)
-        self._open_scans[reference.digest] = scan
+        self._open_scans[reference.identity] = scan
         begun = replace(self.state, scan=reference, grains=None, fits=ProjectState().fits)
         return self._push(begun, title)
 
@@ -169,7 +171,7 @@ class Project:
         if self.state.scan is None:
             raise ProjectError("The project has no scan that could have moved: open one first.")
         scan = reopen(self.state.scan, Path(path))
-        self._open_scans[self.state.scan.digest] = scan
+        self._open_scans[self.state.scan.identity] = scan
         self.change("Relocate scan", scan=replace(self.state.scan, path=Path(path)))
         return scan
 

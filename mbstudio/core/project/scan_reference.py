@@ -29,9 +29,17 @@ def refer_to(scan: Scan, *, embed: bool = False) -> ScanReference:
         origin=scan.origin,
         digest=voxel_digest(scan),
         embedded=embed or scan.path is None,
-        header_bytes=int(scan.voxels.offset) if isinstance(scan.voxels, np.memmap) else 0,
+        header_bytes=_header_bytes(scan),
         big_endian=dtype.str.startswith(">"),
+        excerpt=scan.excerpt,
     )
+
+
+def _header_bytes(scan: Scan) -> int:
+    """Return the bytes before the first voxel of a mapped file."""
+    if scan.excerpt is not None:
+        return scan.excerpt.header_bytes
+    return int(scan.voxels.offset) if isinstance(scan.voxels, np.memmap) else 0
 
 
 def reopen(reference: ScanReference, path: Path | None = None) -> Scan:
@@ -47,20 +55,23 @@ def reopen(reference: ScanReference, path: Path | None = None) -> Scan:
         raise ScanError("The project's scan lies in no file of its own: open the project file that holds it.")
     if not source_exists(path):
         raise ScanError(f"The project's scan {path} is not there. If it was moved, {HOW_TO_RELOCATE}.")
+    excerpt = reference.excerpt
     try:
         scan = open_scan(
             path,
-            reference.voxel_size,
-            shape=reference.shape,
+            reference.voxel_size if excerpt is None else excerpt.voxel_size_of_file(reference.voxel_size),
+            shape=reference.shape if excerpt is None else excerpt.whole,
             dtype=reference.dtype,
             header_bytes=reference.header_bytes,
             big_endian=reference.big_endian,
+            crop=None if excerpt is None else excerpt.block,
+            binning=None if excerpt is None else excerpt.bin,
         )
     except MbstudioError as error:
         raise ScanError(
             f"The project's scan cannot be opened: {error} If it lies elsewhere, {HOW_TO_RELOCATE}."
         ) from error
-    if scan.shape != reference.shape or voxel_digest(scan) != reference.digest:
+    if scan.shape != reference.shape or scan.excerpt != excerpt or voxel_digest(scan) != reference.digest:
         raise ScanError(
             f"{path} is not the scan that the project was made with: it holds other voxels (shape "
             f"{scan.shape}, expected {reference.shape}). If that scan lies elsewhere, {HOW_TO_RELOCATE}."

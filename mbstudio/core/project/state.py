@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from mbstudio.core.imaging.steps import FitResult, Method
+from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
+
+ScanIdentity = tuple[str, tuple[int, int, int], Excerpt | None]
+"""Digest, shape and excerpt of a scan's voxels."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class ScanReference:
     not depend on the file format; `shape` is (Z, Y, X), `dtype` numpy's name. `header_bytes` and
     `big_endian` matter for RAW files, which say nothing about themselves. `embedded` scans lie
     in the project file; `path` then only tells where they came from (None: made by a program).
+    `excerpt` says which of the file's voxels these are, in how large blocks; None for all as they are.
     """
 
     path: Path | None
@@ -38,6 +43,12 @@ class ScanReference:
     embedded: bool = False
     header_bytes: int = 0
     big_endian: bool = False
+    excerpt: Excerpt | None = None
+
+    @property
+    def identity(self) -> ScanIdentity:
+        """What tells the voxels from others: two empty regions have one digest."""
+        return self.digest, self.shape, self.excerpt
 
 
 @dataclass(frozen=True)

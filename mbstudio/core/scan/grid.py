@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +48,26 @@ class Grid:
             return self
         factor = conversion_factor(self.unit, other.unit)
         return replace(self, steps=self.steps * factor, origin=self.origin * factor, unit=other.unit)
+
+    def region(self, before: Sequence[int], behind: Sequence[int]) -> Grid:
+        """Return the grid of a part of the voxels.
+
+        Parameters
+        ----------
+        before, behind : sequence of int
+            Voxels left out at both ends along z, y, x, in the order in which they are handed out.
+        """
+        stored = [
+            last if back else first for first, last, back in zip(before, behind, self.flipped, strict=True)
+        ]
+        return replace(self, origin=self.origin + np.array(stored[::-1], float) @ self.steps)
+
+    def in_blocks(self, factors: Sequence[int]) -> Grid:
+        """Return the grid of the middles of blocks of so many voxels along z, y, x."""
+        counts = np.array(factors[::-1], float)
+        return replace(
+            self, steps=self.steps * counts[:, None], origin=self.origin + (counts - 1) / 2 @ self.steps
+        )
 
     def as_read(self, stored: np.ndarray) -> np.ndarray:
         """Return an array of the stored order in the order in which the file's voxels are handed out."""

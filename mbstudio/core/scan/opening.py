@@ -13,13 +13,17 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import MbstudioError, ScanError, ScanWarning, UnitError
+from mbstudio.core.scan.excerpt import Bin, Crop
 from mbstudio.core.scan.readers import Reading, ReadOptions, family_of, split_dataset
 from mbstudio.core.scan.readers.family import require_file
 from mbstudio.core.scan.scan import Scan
+from mbstudio.core.scan.voxel_blocks import in_memory_bytes, is_mapped
 from mbstudio.core.units import METRES_PER_UNIT, VoxelSize, conversion_factor
 
 # Lengths of a voxel's edge in metres that a scan may have without being asked about.
 _SMALLEST_VOXEL, _LARGEST_VOXEL = 1e-8, 1e-2
+# A part of a scan up to this size is read at once; a larger one is read when it is needed.
+_READ_AT_ONCE_BYTES = 4 << 30
 _STATE_IT = "state what is right, voxel_size or --voxel-size, for example '14 um'."
 
 
@@ -32,8 +36,10 @@ def open_scan(
     dtype: str | np.dtype[Any] | type | None = None,
     header_bytes: int = 0,
     big_endian: bool = False,
+    crop: Crop | None = None,
+    binning: Bin | None = None,
 ) -> Scan:
-    """Open a scan without reading more of it than needed.
+    """Open a scan, or a region of it, without reading more of it than needed.
 
     Parameters
     ----------
@@ -49,16 +55,22 @@ def open_scan(
         file's own spacing is to be read (overriding the file's).
     shape, dtype, header_bytes, big_endian
         What a RAW file holds: number of voxels (z, y, x), type, bytes to skip, byte order.
+    crop : str, slice or sequence of slice, optional
+        Region in voxels of the file, as in :meth:`Scan.cropped`. Voxel size and origin follow.
+    binning : int, str or sequence of int, optional
+        Voxels of the region that become one, as in :meth:`Scan.binned`.
 
     Returns
     -------
     Scan
-        With memory-mapped or lazy voxels where the file allows it.
+        With memory-mapped or lazy voxels where the file allows it. Of a part, no more than that is
+        kept in memory.
 
     Raises
     ------
     ScanError
-        If the file is missing, damaged, cut off, or no grey volume.
+        If the file is missing, damaged, cut off, or no grey volume, or the region or the bin does
+        not fit it.
     UnitError
         If neither the file nor the caller gives the voxel size and its unit, or the file's
         cannot be meant.
@@ -69,14 +81,30 @@ def open_scan(
         If something about the file was taken for granted, or images in a folder were left out.
     """
     path = Path(path)
-    options = ReadOptions(shape, _dtype(dtype), header_bytes, big_endian)
+    in_part = crop is not None or binning is not None
+    options = ReadOptions(shape, _dtype(dtype), header_bytes, big_endian, in_part=in_part)
     reading = read_file(path, options)
     size, origin, notes = place(reading, voxel_size, unit, path)
     notes = tuple(f"{path} {note}" for note in (*reading.notes, *notes))
-    for note in notes:
-        warnings.warn(note, ScanWarning, stacklevel=2)
     metadata = MappingProxyType(dict(reading.metadata))
-    return Scan(reading.voxels, size, origin, path, metadata, reading.grid, notes)
+    scan = Scan(reading.voxels, size, origin, path, metadata, reading.grid, notes)
+    del reading
+    if in_part:
+        scan = _taken_out(scan, crop, binning)
+    for note in scan.notes:
+        warnings.warn(note, ScanWarning, stacklevel=2)
+    return scan
+
+
+def _taken_out(scan: Scan, crop: Crop | None, binning: Bin | None) -> Scan:
+    """Return a part of a scan that keeps nothing else in memory."""
+    part = scan.cropped(crop) if crop is not None else scan
+    part = part.binned(binning) if binning is not None else part
+    voxels = part.voxels
+    if part is scan or is_mapped(voxels) or in_memory_bytes(part.shape, voxels.dtype) > _READ_AT_ONCE_BYTES:
+        return part
+    # A view would keep all the voxels that it was cut from.
+    return replace(part, voxels=np.array(voxels))
 
 
 def source_exists(path: str | Path) -> bool:

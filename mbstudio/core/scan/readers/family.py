@@ -37,6 +37,9 @@ class ReadOptions:
         mean nothing, and black and white are not exchanged.
     dataset : str or None
         Which of the arrays in a container (HDF5, Zarr, VTK) is meant.
+    in_part : bool
+        Whether only a part of the voxels is wanted: what can be read in blocks is not read before
+        they are asked for.
     """
 
     shape: tuple[int, int, int] | None = None
@@ -45,6 +48,7 @@ class ReadOptions:
     big_endian: bool = False
     numbers: bool = False
     dataset: str | None = None
+    in_part: bool = False
 
 
 @dataclass(frozen=True, eq=False)

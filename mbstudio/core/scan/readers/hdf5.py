@@ -22,7 +22,7 @@ from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_number
 from mbstudio.core.scan.readers.text import plain_text
 from mbstudio.core.scan.readers.tiff_lengths import Spacing, length_unit
 from mbstudio.core.scan.scan import VoxelArray
-from mbstudio.core.scan.slice_stack import SliceStack
+from mbstudio.core.scan.slice_stack import Block, SliceStack
 from mbstudio.core.units import METRES_PER_UNIT, names_no_length
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".nxs", ".nx5", ".he5")
@@ -144,7 +144,7 @@ def _reading(dataset: Any, path: Path, options: ReadOptions) -> Reading:
     order, samples = _order_of_axes(dataset, name)
     shape = tuple(dataset.shape[axis] for axis in order)
     require_grey_volume(shape, dataset.dtype, Path(name))
-    voxels = _voxels(dataset, order, samples, path, name, options.numbers)
+    voxels = _voxels(dataset, order, samples, path, name, options)
     spacing, unit, unit_word = _spacing(dataset, order)
     metadata = {
         key: _text(value) if not isinstance(value, np.ndarray) else value.tolist()
@@ -202,7 +202,7 @@ def _voxels(
     samples: int | None,
     path: Path,
     name: str,
-    numbers: bool,
+    options: ReadOptions,
 ) -> VoxelArray:
     """Return the voxels mapped, unpacked or lazy, in the order z, y, x."""
     offset = dataset.id.get_offset() if dataset.chunks is None and not dataset.compression else None
@@ -217,29 +217,25 @@ def _voxels(
         raise ScanError(f"{name} was laid out but never filled with voxels: export it again.")
     if samples is not None:
         require_memory(dataset.shape, dataset.dtype.itemsize, Path(name))
-        return decode(dataset[()], PixelMeaning(samples=dataset.shape[-1]), name, numbers=numbers)
-    if count * dataset.dtype.itemsize <= UNPACK_AT_ONCE_BYTES:
+        return decode(dataset[()], PixelMeaning(samples=dataset.shape[-1]), name, numbers=options.numbers)
+    if count * dataset.dtype.itemsize <= UNPACK_AT_ONCE_BYTES and not options.in_part:
         whole = dataset[()]
         rest = [axis for axis in range(whole.ndim) if axis not in order]
         volume = np.ascontiguousarray(whole.transpose([*order, *rest]).reshape(shape))
         return plain_numbers(volume)  # type: ignore[no-any-return]
     inside = dataset.name
 
-    def read_slice(index: int) -> np.ndarray:
+    def read_block(block: Block) -> np.ndarray:
         import h5py
 
+        parts = dict(zip(order, block, strict=True))
         with h5py.File(path, "r", locking=False) as again:
-            key = tuple(
-                index if axis == order[0] else slice(None) if axis in order else 0
-                for axis in range(len(again[inside].shape))
-            )
-            image = again[inside][key]
-        if order[1] > order[2]:
-            image = image.T
-        return np.ascontiguousarray(plain_numbers(image))
+            stored = again[inside][tuple(parts.get(axis, 0) for axis in range(len(again[inside].shape)))]
+        ranks = [sorted(order).index(axis) for axis in order]
+        return np.ascontiguousarray(plain_numbers(stored.transpose(ranks)))
 
-    first = read_slice(0)
-    return SliceStack(read_slice, (shape[0], shape[1], shape[2]), first.dtype)
+    first = read_block((slice(0, 1), slice(0, 1), slice(0, 1)))
+    return SliceStack.of_blocks(read_block, (shape[0], shape[1], shape[2]), first.dtype)
 
 
 def _spacing(dataset: Any, order: tuple[int, int, int]) -> tuple[Spacing | None, str | None, str | None]:

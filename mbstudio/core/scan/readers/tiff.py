@@ -22,7 +22,7 @@ from mbstudio.core.scan.readers.family import (
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
 from mbstudio.core.scan.readers.tiff_lengths import StatedSize, cubic, stated_size
 from mbstudio.core.scan.scan import VoxelArray
-from mbstudio.core.scan.slice_stack import SliceStack
+from mbstudio.core.scan.slice_stack import Block, SliceStack
 
 # A compressed stack up to this size is decoded at once; a larger one page by page on demand.
 DECODE_AT_ONCE_BYTES = 2 << 30
@@ -79,7 +79,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
                     f"{path} is cut off or damaged: only {pages} of its pages can be found; "
                     "copy or export it again."
                 )
-            voxels, white_is_zero, notes = _voxels(document, path, options.numbers)
+            voxels, white_is_zero, notes = _voxels(document, path, options)
             size = stated_size(document)
     except (ScanError, MemoryError):
         raise
@@ -121,10 +121,11 @@ def _unreadable(path: Path, error: Exception) -> ScanError:
     )
 
 
-def _voxels(document: Any, path: Path, numbers: bool) -> tuple[VoxelArray, bool, tuple[str, ...]]:
+def _voxels(document: Any, path: Path, options: ReadOptions) -> tuple[VoxelArray, bool, tuple[str, ...]]:
     """Return the voxels of the file's one stack, mapped, decoded or lazy; whether white is zero; notes."""
     if not document.series:
         raise ScanError(f"{path} holds no images: copy or export the scan again.")
+    numbers = options.numbers
     chosen, notes = _stack(document, path)
     _require_complete(document, chosen, path)
     shape, dtype = _stack_shape(document, chosen, path)
@@ -140,22 +141,26 @@ def _voxels(document: Any, path: Path, numbers: bool) -> tuple[VoxelArray, bool,
             return plain_numbers(raw), meaning.white_is_zero, notes
     volume = math.prod(shape) * dtype.itemsize * meaning.samples
     pages = [part.index for series in chosen for part in series.pages if part is not None]
-    if volume <= DECODE_AT_ONCE_BYTES or len(pages) != shape[0]:
+    if (volume <= DECODE_AT_ONCE_BYTES and not options.in_part) or len(pages) != shape[0]:
         require_memory(shape, dtype.itemsize * meaning.samples, path, document.filehandle.size)
         return _decode_at_once(chosen, shape, meaning, path, numbers), meaning.white_is_zero, notes
 
-    def read_slice(index: int) -> np.ndarray:
+    def read_block(block: Block) -> np.ndarray:
+        images = []
         try:
             with _quiet_tifffile(), _opened(path) as again:
-                there = again.pages[pages[index]]
-                return decode(_samples_last(there.asarray(), there.axes), meaning, path, numbers=numbers)
+                for number in pages[block[0]]:
+                    page = again.pages[number]
+                    whole = decode(_samples_last(page.asarray(), page.axes), meaning, path, numbers=numbers)
+                    images.append(whole[block[1], block[2]].copy())
         except (ScanError, MemoryError):
             raise
         except Exception as error:  # as in read
             raise _unreadable(path, error) from error
+        return np.stack(images)
 
-    first = read_slice(0)
-    return SliceStack(read_slice, shape, first.dtype), meaning.white_is_zero, notes
+    first = read_block((slice(0, 1), slice(0, 1), slice(0, 1)))
+    return SliceStack.of_blocks(read_block, shape, first.dtype), meaning.white_is_zero, notes
 
 
 def _decode_at_once(

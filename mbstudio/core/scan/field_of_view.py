@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,16 @@ from jaxtyping import Bool, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import ScanError
+from mbstudio.core.scan.voxel_array import VoxelArray
 
-# An unseen margin below this share of a cross-section is no field of view but chance.
+Voxels = Shaped[np.ndarray, "Z Y X"] | VoxelArray
+
+# An unseen margin below this share of a cross-section is no field of view but chance: columns of one
+# value are chance only where they are short.
 _LEAST_OUTSIDE = 0.01
+_LEAST_OUTSIDE_OF_LONG, _LONG = 0.0005, 16
+# So few voxels of one value are chance in any box.
+_LEAST_VOXELS_OUTSIDE = 8
 # How convex the seen cross-section must be: a disk on the pixel grid is above 0.98, the grains of
 # an image whose pores are all zero are far below.
 _LEAST_SOLIDITY = 0.95
@@ -39,12 +47,15 @@ class FieldOfView:
     is_marked : bool
         Whether the file itself marks what was not seen, as no number: then the outermost seen
         voxels are measured ones, as good as any other.
+    padding : numpy scalar or None
+        The value of what was not seen; None for the whole box.
     """
 
     axis: int
     footprint: Bool[np.ndarray, "a b"]
     shape: tuple[int, int, int]
     is_marked: bool = False
+    padding: np.generic | None = None
 
     @property
     def is_whole_box(self) -> bool:
@@ -96,18 +107,56 @@ class FieldOfView:
         return rim
 
 
-def find_field_of_view(voxels: Shaped[np.ndarray, "Z Y X"]) -> FieldOfView:
-    """Find the field of view of a scan; the whole box where there is none.
+def find_field_of_view(voxels: Voxels) -> FieldOfView:
+    """Find the field of view of a scan, or of a region of one; the whole box where there is none.
 
-    Unseen are the columns along an axis that hold nothing but the value in the box's corner,
+    Unseen are the columns along an axis that hold nothing but the value in one of the box's corners,
     as far as they hang together with the box's edge. They are believed if what is left is one
-    convex cross-section that the value in the corner hardly occurs in: neither an image whose pores
+    convex cross-section that this value hardly occurs in: neither an image whose pores
     happen to be zero passes, nor a particle cut out of its surroundings, whose shadow is no field of
-    view. Where the corner is no finite number, all that are none count as unseen.
+    view. Where a corner is no finite number, all that are none count as unseen.
+
+    Parameters
+    ----------
+    voxels : array or VoxelArray, shape (Z, Y, X)
     """
     nz, ny, nx = voxels.shape
-    padding = voxels[0, 0, 0]
-    has_gaps = voxels.dtype.kind == "f" and not np.isfinite(padding)
+    best = FieldOfView(0, np.ones((ny, nx), dtype=bool), (nz, ny, nx))
+    for padding in _possible_paddings(voxels):
+        best = _narrower(voxels, padding, best)
+    return best
+
+
+def _possible_paddings(voxels: Voxels) -> list[np.generic]:
+    """Return the values of corners that could pad a box: of the first one, and what fills an edge of it.
+
+    A box cut out of a padded one may begin within the field of view; but wherever it reaches
+    outside, one of its corners does, with all of an edge.
+    """
+    nz = voxels.shape[0]
+    first, last = np.asarray(voxels[0]), np.asarray(voxels[nz - 1])
+    columns = np.stack([np.asarray(voxels[z])[[0, 0, -1, -1], [0, -1, 0, -1]] for z in range(nz)])
+    edges = list(columns.T)
+    for image in (first, last):
+        edges += [image[0], image[-1], image[:, 0], image[:, -1]]
+    found = [first[0, 0]]
+    for edge in edges:
+        value = edge[0]
+        alike = (edge == value) if np.isfinite(value) else ~np.isfinite(edge)
+        if alike.all() and not any(_is_same(value, other) for other in found):
+            found.append(value)
+    return found
+
+
+def _is_same(value: np.generic, other: np.generic) -> bool:
+    """Whether two values pad alike: equal, or both no finite numbers."""
+    return bool(value == other) or not (np.isfinite(value) or np.isfinite(other))
+
+
+def _narrower(voxels: Voxels, padding: np.generic, best: FieldOfView) -> FieldOfView:
+    """Return the field of view that a value pads, if it is believed and sees less than the best so far."""
+    nz, ny, nx = voxels.shape
+    has_gaps = not np.isfinite(padding)
     along_z = np.ones((ny, nx), dtype=bool)
     along_y = np.ones((nz, nx), dtype=bool)
     along_x = np.ones((nz, ny), dtype=bool)
@@ -118,21 +167,28 @@ def find_field_of_view(voxels: Shaped[np.ndarray, "Z Y X"]) -> FieldOfView:
         along_y[z] = unseen.all(axis=0)
         along_x[z] = unseen.all(axis=1)
     # A cylinder lies in a box seen from the side, too: the axis along which most is unseen is its own.
-    best = FieldOfView(0, np.ones((ny, nx), dtype=bool), (nz, ny, nx))
     for axis, unseen in enumerate((along_z, along_y, along_x)):
-        footprint = _find_cross_section(unseen)
+        footprint = _find_cross_section(unseen, _least_outside(voxels.shape, axis, has_gaps))
         if footprint is not None and footprint.mean() < best.footprint.mean():
-            candidate = FieldOfView(axis, footprint, (nz, ny, nx), has_gaps)
+            candidate = FieldOfView(axis, footprint, (nz, ny, nx), has_gaps, padding)
             if _is_filled(voxels, candidate, padding):
                 best = candidate
     return best
 
 
-def _is_filled(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, padding: np.generic) -> bool:
+def _least_outside(shape: tuple[int, ...], axis: int, has_gaps: bool) -> float:
+    """Return the share of a cross-section that must be unseen for a field of view."""
+    if has_gaps:
+        return 0.0
+    share = _LEAST_OUTSIDE_OF_LONG if shape[axis] >= _LONG else _LEAST_OUTSIDE
+    return max(share, _LEAST_VOXELS_OUTSIDE / math.prod(shape))
+
+
+def _is_filled(voxels: Voxels, view: FieldOfView, padding: np.generic) -> bool:
     """Return whether little of what pads the box is within a field of view."""
     seen = view.mask
     padded = sum(
-        int(np.count_nonzero((part == padding) & row)) for part, row in zip(voxels, seen, strict=True)
+        int(np.count_nonzero((np.asarray(voxels[z]) == padding) & seen[z])) for z in range(view.shape[0])
     )
     return padded <= _MOST_PADDING * int(np.count_nonzero(view.footprint)) * view.shape[view.axis]
 
@@ -196,8 +252,11 @@ def _where_no_numbers(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, na
     return f"{where}: replace them, for example by the grey value of the void, and open the scan again."
 
 
-def _find_cross_section(unseen: Bool[np.ndarray, "a b"]) -> Bool[np.ndarray, "a b"] | None:
-    """Return the cross-section that is seen, None if it makes no field of view."""
+def _find_cross_section(unseen: Bool[np.ndarray, "a b"], least: float) -> Bool[np.ndarray, "a b"] | None:
+    """Return the cross-section that is seen, None if it makes no field of view.
+
+    `least` is the share of the cross-section below which what is unseen does not count.
+    """
     from skimage.morphology import convex_hull_image
 
     if not unseen.any():
@@ -206,7 +265,7 @@ def _find_cross_section(unseen: Bool[np.ndarray, "a b"]) -> Bool[np.ndarray, "a 
     edge = np.concatenate([pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]])
     outside = np.isin(pieces, np.unique(edge[edge > 0]))
     seen = ~outside
-    if outside.mean() < _LEAST_OUTSIDE or not seen.any():
+    if outside.mean() < least or not seen.any():
         return None
     if seen.sum() < _LEAST_SOLIDITY * convex_hull_image(seen).sum():
         return None
