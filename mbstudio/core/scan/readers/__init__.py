@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff
+from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff, xradia
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
 from mbstudio.core.scan.readers.side_cars import nikon, phoenix
 
@@ -24,6 +24,7 @@ FAMILIES: tuple[Family, ...] = (
     nifti.FAMILY,
     nikon.FAMILY,
     phoenix.FAMILY,
+    xradia.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
