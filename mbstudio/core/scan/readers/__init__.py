@@ -11,6 +11,7 @@ from pathlib import Path
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff, xradia
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
+from mbstudio.core.scan.readers.ome_zarr import reading as ome_zarr
 from mbstudio.core.scan.readers.side_cars import nikon, phoenix
 
 FAMILIES: tuple[Family, ...] = (
@@ -25,6 +26,7 @@ FAMILIES: tuple[Family, ...] = (
     nikon.FAMILY,
     phoenix.FAMILY,
     xradia.FAMILY,
+    ome_zarr.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
@@ -104,6 +106,12 @@ def split_dataset(path: Path) -> tuple[Path, str | None]:
             file, name = Path(text[:end]), text[end + 1 :].replace("\\", "/").strip("/")
             if name and (file.is_file() or (family.reads_folders and file.is_dir())):
                 return file, name
+    start, colon, name = text.rpartition(":")
+    folder = Path(start)
+    if colon and name and len(start) > 1 and folder.is_dir() and not path.exists():
+        found = _by_contents(folder)
+        if found is not None and found.holds_several:
+            return folder, name.replace("\\", "/").strip("/")
     return path, None
 
 

@@ -19,8 +19,12 @@ from mbstudio.core.scan.readers.family import (
     require_memory,
 )
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
-from mbstudio.core.scan.readers.text import plain_text
-from mbstudio.core.scan.readers.tiff_lengths import Spacing, length_unit
+from mbstudio.core.scan.readers.size_attributes import (
+    StatedSpacing,
+    attribute_text,
+    spacing_of_attributes,
+)
+from mbstudio.core.scan.readers.tiff_lengths import length_unit
 from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.scan.slice_stack import Block, SliceStack
 from mbstudio.core.units import METRES_PER_UNIT, names_no_length
@@ -120,21 +124,14 @@ def _default_of_nexus(file: Any) -> Any | None:
     group = file
     for _ in range(8):
         signal = group.attrs.get("signal")
-        if signal is not None and _text(signal) in group:
-            item = group.get(_text(signal))
+        if signal is not None and attribute_text(signal) in group:
+            item = group.get(attribute_text(signal))
             return item if isinstance(item, h5py.Dataset) else None
         name = group.attrs.get("default")
-        if name is None or not isinstance(group.get(_text(name)), h5py.Group):
+        if name is None or not isinstance(group.get(attribute_text(name)), h5py.Group):
             return None
-        group = group[_text(name)]
+        group = group[attribute_text(name)]
     return None
-
-
-def _text(value: Any) -> str:
-    """Return an attribute as text, in whichever way it was written."""
-    if isinstance(value, np.ndarray):
-        value = value.flat[0] if value.size else ""
-    return plain_text(value) if isinstance(value, bytes) else str(value)
 
 
 def _reading(dataset: Any, path: Path, options: ReadOptions) -> Reading:
@@ -147,7 +144,7 @@ def _reading(dataset: Any, path: Path, options: ReadOptions) -> Reading:
     voxels = _voxels(dataset, order, samples, path, name, options)
     spacing, unit, unit_word = _spacing(dataset, order)
     metadata = {
-        key: _text(value) if not isinstance(value, np.ndarray) else value.tolist()
+        key: attribute_text(value) if not isinstance(value, np.ndarray) else value.tolist()
         for key, value in dataset.attrs.items()
         if not isinstance(value, type(None)) and _is_short(value)
     }
@@ -191,7 +188,7 @@ def _axis_keys(dataset: Any) -> list[str] | None:
     if tags is None:
         return None
     try:
-        return [str(axis["key"]).lower() for axis in json.loads(_text(tags))["axes"]]
+        return [str(axis["key"]).lower() for axis in json.loads(attribute_text(tags))["axes"]]
     except (ValueError, KeyError, TypeError):
         return None
 
@@ -238,50 +235,13 @@ def _voxels(
     return SliceStack.of_blocks(read_block, (shape[0], shape[1], shape[2]), first.dtype)
 
 
-def _spacing(dataset: Any, order: tuple[int, int, int]) -> tuple[Spacing | None, str | None, str | None]:
+def _spacing(dataset: Any, order: tuple[int, int, int]) -> StatedSpacing:
     """Return edges z, y, x, unit and odd unit's word by the attributes that programs write."""
-    attributes = dataset.attrs
-    if "element_size_um" in attributes:  # Fiji's HDF5 plugin, ilastik, PlantSeg
-        edges = _three(attributes["element_size_um"])
-        if edges is not None:
-            return edges, "um", None
-    for name in ("voxel_size", "voxelsize", "pixel_size", "spacing", "resolution", "element_size"):
-        if name in attributes:
-            edges = _three(attributes[name])
-            if edges is None:
-                continue
-            words = [_text(attributes[key]) for key in ("unit", "units", f"{name}_unit", f"{name}_units")
-                     if key in attributes]  # fmt: skip
-            return _with_unit(edges, words[0] if words else "")
-    return _spacing_of_nexus(dataset, order)
+    stated = spacing_of_attributes(dataset.attrs)
+    return stated if stated[0] is not None else _spacing_of_nexus(dataset, order)
 
 
-def _three(value: Any) -> Spacing | None:
-    try:
-        numbers = [float(number) for number in np.ravel(value)]
-    except (TypeError, ValueError):
-        return None
-    if len(numbers) == 1:
-        numbers *= 3
-    if len(numbers) != 3 or min(numbers) <= 0:
-        return None
-    return numbers[0], numbers[1], numbers[2]
-
-
-def _with_unit(edges: Spacing, word: str) -> tuple[Spacing | None, str | None, str | None]:
-    if names_no_length(word):
-        return edges, None, None
-    try:
-        factor, unit = length_unit(word)
-    except UnitError:
-        return edges, None, word
-    z, y, x = edges
-    return (z * factor, y * factor, x * factor), unit, None
-
-
-def _spacing_of_nexus(
-    dataset: Any, order: tuple[int, int, int]
-) -> tuple[Spacing | None, str | None, str | None]:
+def _spacing_of_nexus(dataset: Any, order: tuple[int, int, int]) -> StatedSpacing:
     """Return the spacing of the places that NeXus gives along each axis."""
     group = dataset.parent
     names = group.attrs.get("axes")
@@ -289,12 +249,12 @@ def _spacing_of_nexus(
         return None, None, None
     edges, unit = [], "um"
     for axis in order:
-        places = group.get(_text(np.ravel(names)[axis]))
+        places = group.get(attribute_text(np.ravel(names)[axis]))
         if places is None or getattr(places, "ndim", 0) != 1 or places.shape[0] != dataset.shape[axis]:
             return None, None, None
         values = np.asarray(places[()], dtype=float)
         steps = np.abs(np.diff(values))
-        word = _text(places.attrs.get("units", places.attrs.get("unit", "")))
+        word = attribute_text(places.attrs.get("units", places.attrs.get("unit", "")))
         if not steps.size or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.max():
             return None, None, None
         if names_no_length(word):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.errors import ScanError, UnitError
+from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.readers.family import (
     Family,
@@ -22,9 +22,8 @@ from mbstudio.core.scan.readers.family import (
 from mbstudio.core.scan.readers.orientation import along_axes, impossible
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
 from mbstudio.core.scan.readers.text import plain_text
-from mbstudio.core.scan.readers.tiff_lengths import length_unit
+from mbstudio.core.scan.readers.tiff_lengths import shared_unit
 from mbstudio.core.scan.scan import VoxelArray
-from mbstudio.core.units import METRES_PER_UNIT, names_no_length
 
 _LARGEST_HEADER = 2**20
 # Kinds of axes that run through space; of any other kind there may be only one sample.
@@ -222,7 +221,7 @@ def _steps(
         words = [str(word) for word in header.get("space units", header.get("units", [])) or []]
         if len(words) != 3 and len(words) > max(axes):
             words = [words[axis] for axis in axes]
-        factors, unit, odd = _factors(words)
+        factors, unit, odd = shared_unit(words)
         return steps * factors, origin * factors, unit, odd
     if "spacings" in header:
         spacings = np.asarray(header["spacings"], dtype=float)[axes]
@@ -230,37 +229,9 @@ def _steps(
             words = [str(word) for word in header.get("units", header.get("space units", [])) or []]
             if len(words) > 3:
                 words = [words[axis] for axis in axes]
-            factors, unit, odd = _factors(words)
+            factors, unit, odd = shared_unit(words)
             return np.diag(spacings * factors), origin, unit, odd
     return None, origin, None, None
-
-
-def _factors(words: list[str]) -> tuple[np.ndarray, str | None, str | None]:
-    """Return what the axes' numbers must be multiplied by to be in one unit, and that unit."""
-    said = [word for word in words if not names_no_length(word)]
-    if not said:
-        return np.ones(3), None, None
-    try:
-        lengths = [
-            length_unit(word) for word in (words if len(words) == 3 else [said[0]] * 3) if word in said
-        ]
-    except UnitError:
-        return np.ones(3), None, next(word for word in said if not _is_length(word))
-    unit = lengths[0][1]
-    factors = [count * (METRES_PER_UNIT[name] / METRES_PER_UNIT[unit]) for count, name in lengths]
-    if len(factors) != 3:  # one axis says nothing: it is taken to be as the others, if they agree
-        if len(set(factors)) > 1:
-            return np.ones(3), None, ", ".join(words)
-        factors = [factors[0]] * 3
-    return np.array(factors), unit, None
-
-
-def _is_length(word: str) -> bool:
-    try:
-        length_unit(word)
-    except UnitError:
-        return False
-    return True
 
 
 FAMILY = Family("NRRD volume", (".nrrd", ".nhdr"), read)

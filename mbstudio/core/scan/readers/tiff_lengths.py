@@ -7,6 +7,8 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from mbstudio.core.errors import UnitError
 from mbstudio.core.units import METRES_PER_UNIT, names_no_length, parse_unit
 
@@ -52,6 +54,37 @@ def length_unit(text: object) -> tuple[float, str]:
     if word.strip().lower() in _OTHER_UNITS:
         return _OTHER_UNITS[word.strip().lower()]
     return 1.0, parse_unit(word)
+
+
+def shared_unit(words: list[str]) -> tuple[np.ndarray, str | None, str | None]:
+    """Return what three axes' numbers must be multiplied by to be in one unit, and that unit.
+
+    Behind them comes a word that is no length, if there is one.
+    """
+    said = [word for word in words if not names_no_length(word)]
+    if not said:
+        return np.ones(3), None, None
+    try:
+        lengths = [
+            length_unit(word) for word in (words if len(words) == 3 else [said[0]] * 3) if word in said
+        ]
+    except UnitError:
+        return np.ones(3), None, next(word for word in said if not _is_length(word))
+    unit = lengths[0][1]
+    factors = [count * (METRES_PER_UNIT[name] / METRES_PER_UNIT[unit]) for count, name in lengths]
+    if len(factors) != 3:  # one axis says nothing: it is taken to be as the others, if they agree
+        if len(set(factors)) > 1:
+            return np.ones(3), None, ", ".join(words)
+        factors = [factors[0]] * 3
+    return np.array(factors), unit, None
+
+
+def _is_length(word: str) -> bool:
+    try:
+        length_unit(word)
+    except UnitError:
+        return False
+    return True
 
 
 def joined(edges: tuple[float, float, float], words: tuple[object, object, object]) -> StatedSize:
