@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff, xradia
+from mbstudio.core.scan.readers.amira import volume as amira
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
 from mbstudio.core.scan.readers.ome_zarr import reading as ome_zarr
 from mbstudio.core.scan.readers.side_cars import nikon, phoenix
@@ -27,6 +28,7 @@ FAMILIES: tuple[Family, ...] = (
     phoenix.FAMILY,
     xradia.FAMILY,
     ome_zarr.FAMILY,
+    amira.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
