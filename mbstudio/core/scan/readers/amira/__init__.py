@@ -1,1 +1,4 @@
-"""AmiraMesh (`.am`) of Amira and Avizo: `volume` reads it, `header` and `encodings` are its parts."""
+"""AmiraMesh (`.am`) of Amira and Avizo.
+
+Begin at `volume`, which reads it; `header` and `encodings` are its parts.
+"""
