@@ -291,9 +291,7 @@ def tell_failure(_path: Path, error: MbstudioError) -> None:
 
 def require_project_output(path: Path) -> Path:
     """Refuse an output that cannot be written, or would replace something else, before the work begins."""
-    import h5py
-
-    from mbstudio.core.project.file import FORMAT
+    from mbstudio.core.project.file import is_project_file
 
     folder = path.resolve().parent
     if not folder.is_dir():
@@ -302,13 +300,8 @@ def require_project_output(path: Path) -> Path:
         raise ProjectError(f"{path} cannot be written: you may not write into the folder {folder}.")
     if path.is_dir():
         raise ProjectError(f"{path} is a folder: give the name of a project file ending in {PROJECT_ENDING}.")
-    if path.exists():
-        ours = False
-        if h5py.is_hdf5(path):
-            with h5py.File(path, "r", locking=False) as file:
-                ours = file.attrs.get("format") == FORMAT
-        if not ours:
-            raise ProjectError(
-                f"{path} exists and is not an mbstudio project: choose another name for the project."
-            )
+    if path.exists() and not is_project_file(path):
+        raise ProjectError(
+            f"{path} exists and is not an mbstudio project: choose another name for the project."
+        )
     return path

@@ -1,11 +1,11 @@
-"""Seals: the SHA-256 of a whole file, written into the file itself.
+"""Seals: a file carries the SHA-256 of all its bytes, compared before anything of it is understood.
 
-The 64 hexadecimal digits stand at a known place of the file, and they are those of the file with zeros in
-that place. Every byte counts, those of the seal too, so that a bit that flips anywhere, a missing end or
-bytes that were added are noticed before anything of the file is understood.
+A binary file begins with a header of 512 bytes, the user block that HDF5 leaves to programs. It names the
+length of the file, the SHA-256 of all that follows, and the SHA-256 of the header itself, with zeros in that
+place. A JSON file carries the SHA-256 of its whole text, with zeros in that place, as its first entry. Thus a
+bit that flips anywhere, a missing end or bytes that were added are noticed.
 
-A binary file carries the seal in a header of 512 bytes, the user block that HDF5 leaves to programs; a JSON
-file carries it as its first entry. A seal tells of damage, not of malice: anybody can seal a file.
+A seal tells of damage, not of malice: anybody can seal a file.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, BinaryIO
@@ -26,7 +27,8 @@ _BLANK = b"0" * 64
 _BLOCK = 2**20
 _HEADER = re.compile(
     rb"MetaBall Studio, seal 1\nsaved (?P<saved>[\d:+T-]{1,40}) by mbstudio (?P<version>[\w.+]{1,40})\n"
-    rb"bytes (?P<length>\d{1,18})\nsha256 (?P<digest>[0-9a-f]{64})\n\0*"
+    rb"bytes (?P<length>\d{1,18})\nsha256 of the bytes after the first 512 (?P<digest>[0-9a-f]{64})\n"
+    rb"mark (?P<mark>[0-9a-f]{64})\nsha256 of these 512 bytes (?P<header>[0-9a-f]{64})\n\0*"
 )
 _JSON_SEAL = re.compile(rb'\{\s*"seal": "(?P<digest>[0-9a-f]{64})"')
 
@@ -42,48 +44,66 @@ class Seal:
     Attributes
     ----------
     digest : str
-        SHA-256 of the file, 64 hexadecimal digits.
+        SHA-256 of the bytes after the header, 64 hexadecimal digits.
     length : int
-        Bytes of the file.
+        Bytes of the whole file.
     saved : str
         When it was written: date and time in UTC.
     version : str
         The mbstudio that wrote it.
-    place : int
-        Where the digits begin.
+    mark : str
+        64 digits by which who wrote the file knows it again; zeros for none.
+    header : str
+        SHA-256 of the header: no other file has the same.
     """
 
     digest: str
     length: int
     saved: str
     version: str
-    place: int
+    mark: str
+    header: str
 
 
-def seal_image(image: bytearray | memoryview) -> None:
-    """Write header and seal into the first 512 bytes of a file that is still in memory."""
+def seal_image(image: bytearray | memoryview, mark_of: Callable[[str], str] | None = None) -> None:
+    """Write the header into the first 512 bytes of a file that is still in memory.
+
+    Parameters
+    ----------
+    image : bytearray or memoryview
+    mark_of : callable, optional
+        Makes the mark, 64 hexadecimal digits, of the digest.
+    """
     saved = datetime.now(UTC).isoformat(timespec="seconds")
-    lines = f"MetaBall Studio, seal 1\nsaved {saved} by mbstudio {__version__}\nbytes {len(image)}\nsha256 "
-    head = lines.encode("ascii")
-    image[:HEADER_BYTES] = (head + _BLANK + b"\n").ljust(HEADER_BYTES, b"\0")
-    digest = hashlib.sha256(image).hexdigest().encode("ascii")
-    image[len(head) : len(head) + len(digest)] = digest
+    digest = hashlib.sha256(memoryview(image)[HEADER_BYTES:]).hexdigest()
+    mark = _BLANK.decode("ascii") if mark_of is None else mark_of(digest)
+    lines = (
+        f"MetaBall Studio, seal 1\nsaved {saved} by mbstudio {__version__}\nbytes {len(image)}\n"
+        f"sha256 of the bytes after the first 512 {digest}\nmark {mark}\nsha256 of these 512 bytes "
+    ).encode("ascii")
+    header = (lines + _BLANK + b"\n").ljust(HEADER_BYTES, b"\0")
+    image[:HEADER_BYTES] = header.replace(
+        lines + _BLANK, lines + hashlib.sha256(header).hexdigest().encode("ascii")
+    )
 
 
 def read_seal(head: bytes) -> Seal | None:
-    """Return what the first 512 bytes of a file say of its seal; None if they are no header.
+    """Return what the first 512 bytes of a file say of its seal; None if they are no whole header.
 
-    Nothing is compared yet: see :func:`check_seal`.
+    The bytes that follow are not compared yet: see :func:`check_seal`.
     """
     match = _HEADER.fullmatch(head)
     if match is None:
         return None
-    saved, version = match["saved"].decode("ascii"), match["version"].decode("ascii")
-    return Seal(match["digest"].decode("ascii"), int(match["length"]), saved, version, match.start("digest"))
+    blank = head[: match.start("header")] + _BLANK + head[match.end("header") :]
+    if hashlib.sha256(blank).hexdigest().encode("ascii") != match["header"]:
+        return None
+    found = {name: match[name].decode("ascii") for name in ("digest", "saved", "version", "mark", "header")}
+    return Seal(length=int(match["length"]), **found)
 
 
 def check_seal(stream: BinaryIO, seal: Seal) -> None:
-    """Compare a file, from its beginning, with its seal.
+    """Compare a file with its seal.
 
     Raises
     ------
@@ -94,10 +114,8 @@ def check_seal(stream: BinaryIO, seal: Seal) -> None:
     if length != seal.length:
         more = "bytes were added to it" if length > seal.length else "its end is missing"
         raise BrokenSealError(f"it has {length} bytes and was written with {seal.length}: {more}")
-    stream.seek(0)
-    head = bytearray(stream.read(HEADER_BYTES))
-    head[seal.place : seal.place + len(_BLANK)] = _BLANK
-    digest = hashlib.sha256(head)
+    stream.seek(HEADER_BYTES)
+    digest = hashlib.sha256()
     while block := stream.read(_BLOCK):
         digest.update(block)
     if digest.hexdigest() != seal.digest:

@@ -23,12 +23,13 @@ def sealed(length: int = 3000) -> bytes:
     return bytes(image)
 
 
-def test_a_seal_is_the_digest_of_the_file_with_zeros_in_its_place():
+def test_a_seal_is_the_digest_of_what_follows_and_of_the_header_itself():
     content = sealed()
     seal = read_seal(content[:HEADER_BYTES])
     check_seal(io.BytesIO(content), seal)
-    blank = content.replace(seal.digest.encode(), b"0" * 64)
-    assert hashlib.sha256(blank).hexdigest() == seal.digest
+    assert hashlib.sha256(content[HEADER_BYTES:]).hexdigest() == seal.digest
+    blank = content[:HEADER_BYTES].replace(seal.header.encode(), b"0" * 64)
+    assert hashlib.sha256(blank).hexdigest() == seal.header
     assert content[HEADER_BYTES:] == bytes(i % 251 for i in range(3000))
 
 

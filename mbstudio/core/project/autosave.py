@@ -19,11 +19,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from mbstudio.core.errors import ProjectError
-from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
+from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
 from mbstudio.core.project.project import Project
 from mbstudio.core.project.state import ProjectState
 from mbstudio.core.replacement import replacing
-from mbstudio.core.scan import Scan
 
 if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
@@ -209,10 +208,7 @@ class Autosave:
             state = replace(state, **{field: getattr(part, field) for field in PARTS[name]})
         reference = state.scan
         if reference is not None and reference.embedded:
-            voxels = read_embedded_voxels(self.folder / parts["grains"])
-            scan = Scan(
-                voxels, reference.voxel_size, reference.origin, reference.path, excerpt=reference.excerpt
-            )
+            scan = read_embedded_scan(self.folder / parts["grains"], reference)
         # Names of parts written from now on must not meet those that are there.
         self._count = max(int(file.rpartition("-")[2].partition(".")[0]) for file in parts.values())
         # A part that is not there is not written yet: the next write makes it.

@@ -23,24 +23,31 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import h5py
 import numpy as np
 
 from mbstudio.core.errors import MbstudioError, ProjectError
+from mbstudio.core.imaging.steps import Method
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.kept_table import read_kept, write_kept
+from mbstudio.core.project.own_files import is_own, mark_of
 from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
+from mbstudio.core.project.stored import ContentError, Stored, json_entries
+from mbstudio.core.project.stored_reading import read_stored
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
 from mbstudio.core.replacement import replacing
+from mbstudio.core.scan import Scan, voxel_digest
 from mbstudio.core.scan.excerpt import Excerpt
-from mbstudio.core.sealing import HEADER_BYTES, seal_image
+from mbstudio.core.sealing import HEADER_BYTES, Seal, read_seal, seal_image
 from mbstudio.core.units import VoxelSize
 from mbstudio.core.version import __version__
 
@@ -52,6 +59,9 @@ if TYPE_CHECKING:
 
 FORMAT = "mbstudio project"
 SCHEMA = 4
+_VOXELS = "scan/voxels"
+# What numbers and JSON of another kind than expected lead to, wherever they are used.
+_OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
 
 # Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
@@ -83,7 +93,7 @@ def write_project(path: Path, state: ProjectState, voxels: VoxelArray | None = N
     image = io.BytesIO()
     with h5py.File(image, "w", userblock_size=HEADER_BYTES) as file:
         _write_state(file, path, state, voxels)
-    seal_image(image.getbuffer())
+    seal_image(image.getbuffer(), mark_of)
     try:
         with replacing(path) as temporary, temporary.open("wb") as stream:
             stream.write(image.getbuffer())
@@ -103,60 +113,94 @@ def read_project(path: Path) -> ProjectState:
     ProjectError
         If the file is missing, damaged, no project, or of a newer mbstudio.
     """
-    try:
-        with open_sealed(path) as (stream, seal), h5py.File(stream, "r") as file:
-            _require_readable_schema(file, path)
-            state = _read_state(file, path)
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, MbstudioError) as error:
-        if isinstance(error, ProjectError):
-            raise
-        raise ProjectError(
-            f"{path} is no project file of mbstudio, or it is damaged ({_reason(error)}): "
-            "open a copy that was saved earlier, or copy it here again."
-        ) from error
+    with _told(path), open_sealed(path) as (stream, seal):
+        stored = read_stored(
+            stream, f"-{_VOXELS}", path, lambda root: _accept(root, path), trusted=_is_own(seal)
+        )
+        state = _read_state(stored, path)
     if seal is None:
         warn_unsealed(path)
     return state
 
 
-def read_embedded_voxels(path: Path) -> VoxelArray:
-    """Read the voxels, shape (Z, Y, X), of the scan that is embedded in a project file.
+def read_embedded_scan(path: Path, reference: ScanReference) -> Scan:
+    """Read the scan that is embedded in a project file.
 
     Raises
     ------
     ProjectError
-        If the file is damaged or holds no voxels.
+        If the file is damaged, or holds other voxels than the reference says.
     """
+    with _told(path), open_sealed(path) as (stream, seal):
+        stored = read_stored(stream, _VOXELS, path, lambda root: _accept(root, path), trusted=_is_own(seal))
+        voxels = stored.numbers(_VOXELS, "biuf", axes=3, finite=False)
+    scan = Scan(voxels, reference.voxel_size, reference.origin, reference.path, excerpt=reference.excerpt)
+    if scan.shape != reference.shape or voxel_digest(scan) != reference.digest:
+        raise ProjectError(
+            f"The voxels in {path} are not those of the scan that the project was made with (their digest "
+            "differs): open an earlier copy of the project."
+        )
+    return scan
+
+
+def is_project_file(path: Path) -> bool:
+    """Return whether a file is a project of mbstudio, of any version; it may be damaged.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        if read_seal(stream.read(HEADER_BYTES)) is not None:
+            return True
+        try:
+            read_stored(stream, _VOXELS, path, lambda root: _accept(root, path))
+        except ProjectError:
+            return False
+    return True
+
+
+def _is_own(seal: Seal | None) -> bool:
+    return seal is not None and is_own(seal.digest, seal.mark)
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Name the file in whatever goes wrong while it is read."""
     try:
-        with open_sealed(path) as (stream, _), h5py.File(stream, "r") as file:
-            voxels: VoxelArray = file["scan/voxels"][:]
-            return voxels
-    except (OSError, KeyError, RuntimeError) as error:
-        raise ProjectError(f"The scan embedded in {path} cannot be read ({_reason(error)}).") from error
+        yield
+    except ProjectError:
+        raise
+    except (*_OF_BAD_CONTENTS, MbstudioError, OSError) as error:
+        raise ProjectError(
+            f"{path} is no project file of mbstudio, or it is damaged ({_reason(error)}): "
+            "open a copy that was saved earlier, or copy it here again."
+        ) from error
 
 
 def _reason(error: Exception) -> str:
-    """Return the part of an error that helps, without HDF5's inner details."""
+    """Return the part of an error that helps."""
     number = getattr(error, "errno", None)
     if number:
         return os.strerror(number)
-    text = str(error.args[0]) if error.args else type(error).__name__
-    if "errno = " in text:
-        return os.strerror(int(text.split("errno = ")[1].split(",")[0].split(")")[0]))
-    if "truncated file" in text:
-        return "it was cut off"
-    return text
+    return str(error.args[0]) if error.args else type(error).__name__
 
 
-def _require_readable_schema(file: h5py.File, path: Path) -> None:
-    if file.attrs.get("format") != FORMAT:
+def _accept(root: Mapping[str, Any], path: Path) -> None:
+    """Refuse a file by the attributes of its root: another program's, or of a newer mbstudio."""
+    if root.get("format") != FORMAT:
         raise ProjectError(
             f"{path} is an HDF5 file, but no project of mbstudio: open it with the program that wrote it."
         )
-    schema = int(file.attrs["schema"])
+    schema = root.get("schema")
+    if type(schema) is not int or schema < 1:
+        raise ContentError("it does not say its format")
     if schema > SCHEMA:
         raise ProjectError(
-            f"{path} was written by {file.attrs.get('written_by', 'a newer mbstudio')} in format {schema}; "
+            f"{path} was written by {root.get('written_by', 'a newer mbstudio')} in format {schema}; "
             f"mbstudio {__version__} reads up to format {SCHEMA}: update mbstudio to open it."
         )
 
@@ -187,22 +231,25 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         write_kept(file.create_group("kept"), state.kept)
 
 
-def _read_state(file: h5py.File, path: Path) -> ProjectState:
+def _read_state(stored: Stored, path: Path) -> ProjectState:
     segmentation = None
-    if "segmentation" in file:
+    if "segmentation" in stored:
         # Imported late: segmentation brings scikit-image, which opening a project does not need.
         from mbstudio.core.grains.segmentation import SegmentationSettings
 
-        segmentation = _read_record(file["segmentation"], SegmentationSettings)
+        segmentation = _read_record(stored.group("segmentation"), SegmentationSettings)
+    fit_settings = _read_record(stored.group("fit_settings"), FitSettings)
+    if fit_settings.n < 1 or fit_settings.method not in get_args(Method):
+        raise ContentError("fit_settings are none")
     return ProjectState(
-        scan=_read_scan(file["scan"], path) if "scan" in file else None,
+        scan=_read_scan(stored.group("scan"), path) if "scan" in stored else None,
         segmentation=segmentation,
-        grains=_read_grains(file["grains"]) if "grains" in file else None,
-        fits=MappingProxyType(read_fits(file["fits"])),
-        fit_settings=_read_record(file["fit_settings"], FitSettings),
-        style=read_style(file["style"], path) if "style" in file else None,
-        clones=read_clones(file["clones"], path) if "clones" in file else None,
-        kept=read_kept(file["kept"]) if "kept" in file else (),
+        grains=_read_grains(stored.group("grains")) if "grains" in stored else None,
+        fits=MappingProxyType(read_fits(stored.group("fits"))),
+        fit_settings=fit_settings,
+        style=read_style(stored.group("style"), path) if "style" in stored else None,
+        clones=read_clones(stored.group("clones"), path) if "clones" in stored else None,
+        kept=read_kept(stored.group("kept")) if "kept" in stored else (),
     )
 
 
@@ -215,23 +262,25 @@ def _write_record(group: h5py.Group, record: Any) -> None:
         group.attrs[field.name] = h5py.Empty("f8") if value is None else value
 
 
-def _read_record(group: h5py.Group, kind: type) -> Any:
+def _read_record(stored: Stored, kind: type) -> Any:
     """Read a flat record; a field that the file does not have takes its default."""
-    known = {field.name for field in fields(kind)}
-    values = {name: _plain(value) for name, value in group.attrs.items() if name in known}
+    default = kind()
+    values: dict[str, Any] = {}
     for field in fields(kind):
-        if field.default_factory is dict and field.name in values:
-            values[field.name] = json.loads(values[field.name])
+        if field.name not in stored.attributes():
+            continue
+        value, usual = stored.attributes()[field.name], getattr(default, field.name)
+        place = f"attribute {field.name} of {stored.path}"
+        if isinstance(usual, Mapping):
+            value = json_entries(stored.attribute(field.name, str), place)
+        elif isinstance(usual, tuple):
+            value = stored.tuple_of(field.name, float, len(value) if isinstance(value, list) else 0)
+        elif usual is not None and type(value) is not type(usual):
+            value = stored.attribute(field.name, type(usual))
+        elif usual is None and not (value is None or isinstance(value, bool | int | float)):
+            raise ContentError(f"{place} is neither a number nor empty")
+        values[field.name] = value
     return kind(**values)
-
-
-def _plain(value: Any) -> Any:
-    """Return an attribute as Python's own type."""
-    if isinstance(value, h5py.Empty):
-        return None
-    if isinstance(value, np.ndarray):
-        return tuple(value.tolist())
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _write_place(
@@ -240,9 +289,10 @@ def _write_place(
     group.attrs.update(voxel_size_zyx=size.zyx, unit=size.unit, origin_xyz=tuple(map(float, origin)))
 
 
-def _read_place(group: h5py.Group | h5py.Dataset) -> tuple[VoxelSize, tuple[float, float, float]]:
-    z, y, x = _plain(group.attrs["voxel_size_zyx"])
-    return VoxelSize(z, y, x, group.attrs["unit"]), _plain(group.attrs["origin_xyz"])
+def _read_place(stored: Stored, of: str = "") -> tuple[VoxelSize, tuple[float, float, float]]:
+    z, y, x = stored.tuple_of("voxel_size_zyx", float, 3, of=of)
+    at_x, at_y, at_z = stored.tuple_of("origin_xyz", float, 3, of=of)
+    return VoxelSize(z, y, x, stored.attribute("unit", str, of=of)), (at_x, at_y, at_z)
 
 
 def _write_scan(group: h5py.Group, path: Path, scan: ScanReference, voxels: VoxelArray | None) -> None:
@@ -278,35 +328,42 @@ def _write_scan(group: h5py.Group, path: Path, scan: ScanReference, voxels: Voxe
             stored[index] = voxels[index]
 
 
-def _read_scan(group: h5py.Group, path: Path) -> ScanReference:
-    size, origin = _read_place(group)
-    place = Path(group.attrs["path"]) if "path" in group.attrs else None
-    relative = group.attrs.get("path_from_project", "")
+def _read_scan(stored: Stored, path: Path) -> ScanReference:
+    size, origin = _read_place(stored)
+    told, relative = stored.attribute("path", str, ""), stored.attribute("path_from_project", str, "")
+    if "\0" in told + relative:
+        raise ContentError("the path of the scan holds a zero byte")
+    place = Path(told) if told else None
     if relative and (path.resolve().parent / relative).exists():
         place = (path.resolve().parent / relative).resolve()
-    depth, height, width = _plain(group.attrs["shape_zyx"])
+    depth, height, width = stored.tuple_of("shape_zyx", int, 3)
+    dtype, digest = stored.attribute("dtype", str), stored.attribute("digest", str)
+    header_bytes = stored.attribute("header_bytes", int)
+    if min(depth, height, width) < 1 or header_bytes < 0 or np.dtype(dtype).kind not in "biuf":
+        raise ContentError(f"a scan of {depth} x {height} x {width} voxels of type {dtype:.40} cannot be")
+    if not re.fullmatch(r"[0-9a-f]{64}", digest):
+        raise ContentError("the digest of the scan is none")
     return ScanReference(
         path=place,
         shape=(depth, height, width),
-        dtype=group.attrs["dtype"],
+        dtype=dtype,
         voxel_size=size,
         origin=origin,
-        digest=group.attrs["digest"],
-        embedded=bool(group.attrs["embedded"]),
-        header_bytes=int(group.attrs["header_bytes"]),
-        big_endian=bool(group.attrs["big_endian"]),
-        excerpt=_read_excerpt(group, (depth, height, width)),
+        digest=digest,
+        embedded=stored.attribute("embedded", bool),
+        header_bytes=header_bytes,
+        big_endian=stored.attribute("big_endian", bool),
+        excerpt=_read_excerpt(stored, (depth, height, width), header_bytes),
     )
 
 
-def _read_excerpt(group: h5py.Group, shape: tuple[int, int, int]) -> Excerpt | None:
+def _read_excerpt(stored: Stored, shape: tuple[int, int, int], header_bytes: int) -> Excerpt | None:
     """Return which part of its file the scan is, None for all of it."""
-    if "file_shape_zyx" not in group.attrs:
+    if "file_shape_zyx" not in stored.attributes():
         return None
-    whole, start, stop, factors = (
-        _plain(group.attrs[name]) for name in ("file_shape_zyx", "start_zyx", "stop_zyx", "bin_zyx")
-    )
-    excerpt = Excerpt(whole, start, stop, factors, int(group.attrs["header_bytes"]))
+    names = ("file_shape_zyx", "start_zyx", "stop_zyx", "bin_zyx")
+    (wz, wy, wx), (z0, y0, x0), (z1, y1, x1), (bz, by, bx) = (stored.tuple_of(name, int, 3) for name in names)
+    excerpt = Excerpt((wz, wy, wx), (z0, y0, x0), (z1, y1, x1), (bz, by, bx), header_bytes)
     excerpt.require_possible(shape)
     return excerpt
 
@@ -325,20 +382,48 @@ def _write_grains(group: h5py.Group, grains: GrainSet) -> None:
             )
 
 
-def _read_grains(group: h5py.Group) -> GrainSet:
+def _read_grains(stored: Stored) -> GrainSet:
     from mbstudio.core.grains.grain_set import GrainSet
 
-    size, origin = _read_place(group["labels"])
-    labels = group["labels"][:]
+    size, origin = _read_place(stored, "labels")
+    labels = stored.numbers("labels", "iu", axes=3)
+    if not labels.size or labels.min() < 0:
+        raise ContentError("grains/labels holds no voxels, or labels below 0")
+    table = _read_table(stored.group("table"))
+    _check_table(table, labels.shape)
     labels.flags.writeable = False
-    return GrainSet(labels, _read_table(group["table"]), size, origin)
+    return GrainSet(labels, table, size, origin)
 
 
-def _read_table(group: h5py.Group) -> pd.DataFrame:
+def _read_table(stored: Stored) -> pd.DataFrame:
     import pandas as pd  # imported late: it takes a third of a second
 
-    columns = {}
-    for name in group.attrs["columns"]:
-        column = group[name]
-        columns[name] = column.asstr()[:] if h5py.check_string_dtype(column.dtype) else column[:]
+    names = stored.attributes().get("columns")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ContentError("the columns of grains/table are not named")
+    columns: dict[str, Any] = {}
+    rows: int | None = None
+    for name in names:
+        if stored.array(name).dtype == object:
+            columns[name] = stored.texts(name, rows)
+        else:
+            columns[name] = stored.numbers(name, "biuf", rows=rows, finite=False)
+        rows = len(columns[name])
     return pd.DataFrame(columns)
+
+
+def _check_table(table: pd.DataFrame, shape: tuple[int, ...]) -> None:
+    """Refuse a table of grains whose labels, boxes or volumes cannot be."""
+    if "label" not in table or table["label"].dtype.kind not in "iu":
+        raise ContentError("grains/table has no labels")
+    labels = table["label"].to_numpy()
+    if len(np.unique(labels)) < len(labels) or (len(labels) and labels.min() < 1):
+        raise ContentError("grains/table has a label twice, or one below 1")
+    for axis, length in zip("zyx", shape, strict=True):
+        if f"{axis}0" in table and f"{axis}1" in table:
+            low, high = table[f"{axis}0"].to_numpy(), table[f"{axis}1"].to_numpy()
+            if not ((low >= 0) & (low < high) & (high <= length)).all():
+                raise ContentError(f"grains/table has boxes that are not inside the scan along {axis}")
+    for name in ("voxels", "volume"):
+        if name in table and not (np.isfinite(table[name]) & (table[name] > 0)).all():
+            raise ContentError(f"grains/table has {name} that are no positive numbers")

@@ -7,17 +7,19 @@ and can be read with any HDF5 program.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args
 
 import h5py
 import numpy as np
 
-from mbstudio.core.imaging.steps import FitResult
+from mbstudio.core.imaging.steps import FitResult, Method
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.validity import Verdict
+from mbstudio.core.project.stored import ContentError, Stored, json_entries
 
 _TEXT = h5py.string_dtype("utf-8")
 UNKNOWN_GENUS = -1
@@ -51,6 +53,15 @@ _LATER: dict[str, Any] = {
     "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "warnings": "", "options": "{}", "target": "",
     "reached": "{}",
 }  # fmt: skip
+_KINDS = {"i8": "iu", "?": "b", "f8": "f"}
+_LEAST = {
+    "n": 1,
+    "pieces": 0,
+    "voids": 0,
+    "points_outside": 0,
+    "genus": UNKNOWN_GENUS,
+    "grain_genus": UNKNOWN_GENUS,
+}
 
 
 def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
@@ -65,60 +76,90 @@ def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
     _write_ragged(group, "rms_history", [fit.rms_history for fit in results])
 
 
-def read_fits(group: h5py.Group) -> dict[int, FitResult]:
+def read_fits(stored: Stored) -> dict[int, FitResult]:
     """Read fits by label, in the order in which they were written.
 
     Raises
     ------
-    KeyError
-        If a dataset is missing.
+    ContentError
+        If a dataset is missing, or holds what no fit can have.
+    AvatarError, UnitError
+        If control points or weights make no avatar.
     """
-    labels = group["label"][:]
-    table = {name: _read_column(group, name, dtype, len(labels)) for name, dtype, _ in _COLUMNS}
-    ragged = {name: _read_ragged(group, name) for name in ("centers", "weights", "history", "rms_history")}
-    fits = {}
-    for row, label in enumerate(labels):
-        cells = {name: _plain(values[row]) for name, values in table.items()}
-        avatar = Avatar(
-            ragged["centers"][row],
-            ragged["weights"][row],
-            cells["unit"],
-            label=cells["avatar_label"] if cells["avatar_has_label"] else None,
-            name=cells["name"],
-        )
-        verdict = Verdict(
-            valid=cells["valid"],
-            pieces=cells["pieces"],
-            voids=cells["voids"],
-            genus=None if cells["genus"] == UNKNOWN_GENUS else cells["genus"],
-            points_outside=cells["points_outside"],
-            volume_error=cells["volume_error"],
-            rms=cells["rms"],
-            reasons=tuple(cells["reasons"].split("\n")) if cells["reasons"] else (),
-            warnings=tuple(cells["warnings"].split("\n")) if cells["warnings"] else (),
-            smallest_neck=None if np.isnan(cells["smallest_neck"]) else cells["smallest_neck"],
-            grain_genus=None if cells["grain_genus"] == UNKNOWN_GENUS else cells["grain_genus"],
-        )
-        fits[int(label)] = FitResult(
-            avatar=avatar,
-            history=ragged["history"][row],
-            rms_history=ragged["rms_history"][row],
-            verdict=verdict,
-            method=cells["method"],
-            n=cells["n"],
-            seed=cells["seed"],
-            options=json.loads(cells["options"]),
-            target=cells["target"],
-            reached=json.loads(cells["reached"]),
-        )
-    return fits
+    labels = stored.numbers("label", "iu")
+    if len(np.unique(labels)) < len(labels):
+        raise ContentError("fits/label names a grain twice")
+    table = {name: _read_column(stored, name, dtype, len(labels)) for name, dtype, _ in _COLUMNS}
+    _check_columns(table)
+    ragged = {
+        name: _read_ragged(stored, name, len(labels), axes)
+        for name, axes in (("centers", 2), ("weights", 1), ("history", 1), ("rms_history", 1))
+    }
+    rows = {
+        label: {name: _plain(values[row]) for name, values in table.items()}
+        for row, label in enumerate(labels.tolist())
+    }
+    return {
+        label: _read_fit(cells, {name: parts[row] for name, parts in ragged.items()})
+        for row, (label, cells) in enumerate(rows.items())
+    }
 
 
-def _read_column(group: h5py.Group, name: str, dtype: Any, rows: int) -> np.ndarray:
-    if name in _LATER and name not in group:
+def _read_fit(cells: dict[str, Any], arrays: dict[str, np.ndarray]) -> FitResult:
+    """Return a fit from the cells of its row and its arrays."""
+    avatar = Avatar(
+        arrays["centers"],
+        arrays["weights"],
+        cells["unit"],
+        label=cells["avatar_label"] if cells["avatar_has_label"] else None,
+        name=cells["name"],
+    )
+    verdict = Verdict(
+        valid=cells["valid"],
+        pieces=cells["pieces"],
+        voids=cells["voids"],
+        genus=None if cells["genus"] == UNKNOWN_GENUS else cells["genus"],
+        points_outside=cells["points_outside"],
+        volume_error=cells["volume_error"],
+        rms=cells["rms"],
+        reasons=tuple(cells["reasons"].split("\n")) if cells["reasons"] else (),
+        warnings=tuple(cells["warnings"].split("\n")) if cells["warnings"] else (),
+        smallest_neck=None if np.isnan(cells["smallest_neck"]) else cells["smallest_neck"],
+        grain_genus=None if cells["grain_genus"] == UNKNOWN_GENUS else cells["grain_genus"],
+    )
+    reached = json_entries(cells["reached"], "fits/reached")
+    if not all(isinstance(value, int | float) and math.isfinite(value) for value in reached.values()):
+        raise ContentError("fits/reached holds something else than finite numbers")
+    return FitResult(
+        avatar=avatar,
+        history=arrays["history"],
+        rms_history=arrays["rms_history"],
+        verdict=verdict,
+        method=cells["method"],
+        n=cells["n"],
+        seed=cells["seed"],
+        options=json_entries(cells["options"], "fits/options"),
+        target=cells["target"],
+        reached=reached,
+    )
+
+
+def _read_column(stored: Stored, name: str, dtype: Any, rows: int) -> list[str] | np.ndarray:
+    if name in _LATER and name not in stored:
         return np.full(rows, _LATER[name], dtype=object if dtype is _TEXT else dtype)
-    column: np.ndarray = group[name].asstr()[:] if dtype is _TEXT else group[name][:]
-    return column
+    if dtype is _TEXT:
+        return stored.texts(name, rows)
+    return stored.numbers(name, _KINDS[dtype], rows=rows, finite=False)
+
+
+def _check_columns(table: Mapping[str, list[str] | np.ndarray]) -> None:
+    """Refuse counts and names that no fit can have."""
+    for name, least in _LEAST.items():
+        column = np.asarray(table[name])
+        if len(column) and column.min() < least:
+            raise ContentError(f"fits/{name} holds numbers below {least}")
+    if not set(table["method"]) <= set(get_args(Method)):
+        raise ContentError("fits/method names a method that there is not")
 
 
 def _or_unknown(genus: int | None) -> int:
@@ -140,8 +181,12 @@ def _write_ragged(group: h5py.Group, name: str, arrays: list[np.ndarray], tail: 
     group.create_dataset(name, data=joined, dtype="f8")
 
 
-def _read_ragged(group: h5py.Group, name: str) -> list[np.ndarray]:
-    joined, offsets = group[name][:], group[f"{name}_offsets"][:]
-    if offsets[-1] != len(joined):
-        raise KeyError(f"{name} ends at {len(joined)}, not {offsets[-1]}")
-    return [joined[start:stop].copy() for start, stop in pairwise(offsets)]
+def _read_ragged(stored: Stored, name: str, rows: int, axes: int) -> list[np.ndarray]:
+    finite = name in ("centers", "weights")
+    joined = stored.numbers(name, "f", axes=axes, finite=finite)
+    offsets = stored.numbers(f"{name}_offsets", "iu", rows=rows + 1)
+    if offsets[0] != 0 or offsets[-1] != len(joined) or (np.diff(offsets) < 0).any():
+        raise ContentError(f"fits/{name}_offsets do not part what fits/{name} holds")
+    if axes == 2 and joined.shape[1] != 3:
+        raise ContentError(f"fits/{name} holds {joined.shape[1]} coordinates a point")
+    return [joined[start:stop].copy() for start, stop in pairwise(offsets.tolist())]

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import h5py
 
+from mbstudio.core.project.stored import Stored, json_entries
+
 if TYPE_CHECKING:
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
 
@@ -23,14 +25,14 @@ def write_kept(group: h5py.Group, kept: Sequence[KeptGrain]) -> None:
     group.create_dataset("entries", data=[json.dumps(grain.as_record()) for grain in kept], dtype=_TEXTS)
 
 
-def read_kept(group: h5py.Group) -> tuple[KeptGrain, ...]:
+def read_kept(stored: Stored) -> tuple[KeptGrain, ...]:
     """Return the kept grains of a group.
 
     Raises
     ------
-    StyleError, KeyError, ValueError
+    StyleError, ContentError
         If they are damaged.
     """
     from mbstudio.core.vae.shaping.kept_grain import read_kept_grain
 
-    return tuple(read_kept_grain(json.loads(text)) for text in group["entries"].asstr()[:])
+    return tuple(read_kept_grain(json_entries(text, "kept/entries")) for text in stored.texts("entries"))

@@ -14,7 +14,7 @@ from mbstudio.core.errors import ProjectError
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.project.file import read_embedded_voxels, read_project, write_project
+from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
 from mbstudio.core.project.history import History
 from mbstudio.core.project.scan_reference import refer_to, reopen
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
@@ -121,10 +121,7 @@ class Project:
             return None
         if reference.identity not in self._open_scans:
             if reference.embedded and self.path is not None:
-                voxels = read_embedded_voxels(self.path)
-                scan = Scan(
-                    voxels, reference.voxel_size, reference.origin, reference.path, excerpt=reference.excerpt
-                )
+                scan = read_embedded_scan(self.path, reference)
             else:
                 scan = reopen(reference)
             self._open_scans[reference.identity] = scan

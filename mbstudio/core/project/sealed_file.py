@@ -60,7 +60,7 @@ def warn_unsealed(path: Path) -> None:
 
 
 def read_digest(path: Path) -> str | None:
-    """Return what tells a saved file from any other: the digest that its seal names.
+    """Return what tells a saved file from any other: the digest of its header.
 
     None for a file without a seal and where there is no file.
     """
@@ -69,7 +69,7 @@ def read_digest(path: Path) -> str | None:
             seal = read_seal(stream.read(HEADER_BYTES))
     except OSError:
         return None
-    return None if seal is None else seal.digest
+    return None if seal is None else seal.header
 
 
 @contextmanager

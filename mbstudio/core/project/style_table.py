@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from mbstudio.core.errors import ProjectError
+from mbstudio.core.project.stored import ContentError, Stored
 
 if TYPE_CHECKING:
     from mbstudio.core.populations import Population
@@ -36,25 +37,27 @@ def write_style(group: h5py.Group, learner: StyleLearner) -> None:
         _write_array(group, name, array)
 
 
-def read_style(group: h5py.Group, path: Path) -> StyleLearner:
+def read_style(stored: Stored, path: Path) -> StyleLearner:
     """Return the style-learner of a group.
 
     Raises
     ------
     ProjectError
         If it is of a newer mbstudio.
-    StyleError, KeyError, TypeError, ValueError
+    StyleError, ContentError, KeyError, TypeError, ValueError
         If it is damaged.
     """
-    from mbstudio.core.vae.models.style_learner import FORMAT, build_learner
+    from mbstudio.core.vae.models.style_learner import FORMAT, build_learner, require_finite
 
-    if int(group.attrs["format"]) > FORMAT:
+    if stored.attribute("format", int) > FORMAT:
         raise ProjectError(
             f"The style-learner in {path} is from a newer mbstudio: update mbstudio to open it."
         )
-    tensors = {name: group[name][()] for name in group if isinstance(group[name], h5py.Dataset)}
-    tensors.pop("entries")
-    return build_learner(_read_json(group, "entries"), tensors, path)
+    tensors = {name: stored.array(name) for name in stored.names() if name != "entries"}
+    if any(array.dtype == object for array in tensors.values()):
+        raise ContentError(f"{stored.path} holds texts where numbers are due")
+    require_finite(tensors, path)
+    return build_learner(stored.entries("entries"), tensors, path)
 
 
 def write_clones(group: h5py.Group, clones: Generation) -> None:
@@ -76,23 +79,30 @@ def write_clones(group: h5py.Group, clones: Generation) -> None:
         _write_factors(group.create_group("factors"), clones.factors)
 
 
-def read_clones(group: h5py.Group, path: Path) -> Generation:
+def read_clones(stored: Stored, path: Path) -> Generation:
     """Return the clones of a group.
 
     Raises
     ------
-    MbstudioError, KeyError, TypeError, ValueError
+    MbstudioError, ContentError, KeyError, TypeError, ValueError
         If they are damaged.
     """
     from mbstudio.core.vae.generate.conditions import Reached
     from mbstudio.core.vae.generate.generation import Counts, Generation
     from mbstudio.core.vae.serialize.serialization import build_serialization
 
-    entries = _read_json(group, "entries")
-    arrays = {name: _read_array(group["avatars"][name]) for name in group["avatars"]}
+    entries = stored.entries("entries")
+    avatars = stored.group("avatars")
+    arrays = {name: avatars.array(name) for name in avatars.names()}
+    clones = build_serialization(arrays, str(path))
+    parents = stored.numbers("parents", "iu", rows=len(clones))
+    if len(parents) and parents.min() < -1:
+        raise ContentError("clones/parents names rows below -1")
+    factors = _read_factors(stored.group("factors")) if "factors" in stored else None
+    if factors is not None and len(factors) != len(clones):
+        raise ContentError("clones/factors are not of all clones")
     return Generation(
-        build_serialization(arrays, str(path)), _read_array(group["latents"]), _read_array(group["parents"]),
-        _read_factors(group["factors"]) if "factors" in group else None,
+        clones, stored.numbers("latents", "f", axes=2, rows=len(clones)), parents, factors,
         Counts(**entries["counts"]), str(entries["how"]), float(entries["effective"]),
         tuple(Reached(**figure) for figure in entries["reached"]), int(entries["seed"]),
     )  # fmt: skip
@@ -110,15 +120,17 @@ def _write_factors(group: h5py.Group, factors: Population) -> None:
         group.create_dataset(name, data=list(getattr(factors, name)), dtype=_TEXTS)
 
 
-def _read_factors(group: h5py.Group) -> Population:
+def _read_factors(stored: Stored) -> Population:
     from mbstudio.core.populations import Population
 
-    about = group.attrs
+    names = stored.attributes().get("columns")
+    if not isinstance(names, list) or stored.attribute("kind", str) != "clones":
+        raise ContentError(f"{stored.path} are no factors of clones")
     return Population(
-        str(about["name"]), about["kind"], group["labels"][()],
-        {str(name): group[f"columns/{name}"][()] for name in about["columns"]},
-        str(about["unit"]), str(about["axes"]), str(about["surface"]),
-        tuple(group["reasons"].asstr()[:]), tuple(group["warnings"].asstr()[:]),
+        stored.attribute("name", str), "clones", stored.numbers("labels", "iu"),
+        {str(name): stored.numbers(f"columns/{name}", "iuf", finite=False) for name in names},
+        stored.attribute("unit", str), stored.attribute("axes", str), stored.attribute("surface", str),
+        tuple(stored.texts("reasons")), tuple(stored.texts("warnings")),
     )  # fmt: skip
 
 
@@ -132,10 +144,6 @@ def _plain(value: Any) -> Any:
     return value.item()
 
 
-def _read_json(group: h5py.Group, name: str) -> Any:
-    return json.loads(group[name].asstr()[()])
-
-
 def _write_array(group: h5py.Group, name: str, array: np.ndarray) -> None:
     array = np.asarray(array)
     if array.dtype.kind == "U":
@@ -144,9 +152,3 @@ def _write_array(group: h5py.Group, name: str, array: np.ndarray) -> None:
         group.create_dataset(name, data=array, **_PACKED)
     else:
         group[name] = array
-
-
-def _read_array(dataset: h5py.Dataset) -> np.ndarray:
-    if h5py.check_string_dtype(dataset.dtype):
-        return np.array(dataset.asstr()[()], dtype=np.str_)
-    return np.asarray(dataset[()])

@@ -367,10 +367,21 @@ def _tensors(content: bytes, path: Path) -> Tensors:
         tensors = load(content)
     except (SafetensorError, KeyError, ValueError, TypeError) as error:
         raise StyleError(f"{path} is damaged or no safetensors file ({error}): copy it again.") from None
+    require_finite(tensors, path)
+    return tensors
+
+
+def require_finite(tensors: Tensors, path: Path) -> None:
+    """Refuse numbers of a style-learner that are not finite; only a parent's unknown accuracy may be none.
+
+    Raises
+    ------
+    StyleError
+        If there are some; it names the file.
+    """
     for name, array in tensors.items():
         if name != "parents.rms" and not np.isfinite(array).all():
             raise StyleError(f"{path} holds numbers that are not finite in '{name}': train it again.")
-    return tensors
 
 
 def _check_shapes(tensors: Tensors, wanted: dict[str, tuple[int, ...]], path: Path) -> None:
