@@ -11,6 +11,7 @@ from pathlib import Path
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff, xradia
 from mbstudio.core.scan.readers.amira import volume as amira
+from mbstudio.core.scan.readers.dicom import reading as dicom
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
 from mbstudio.core.scan.readers.ome_zarr import reading as ome_zarr
 from mbstudio.core.scan.readers.side_cars import nikon, phoenix
@@ -29,6 +30,7 @@ FAMILIES: tuple[Family, ...] = (
     xradia.FAMILY,
     ome_zarr.FAMILY,
     amira.FAMILY,
+    dicom.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
