@@ -1,4 +1,4 @@
-"""How much memory the machine has left."""
+"""How much memory the machine has left, and bytes as people read them."""
 
 from __future__ import annotations
 
@@ -33,3 +33,13 @@ def free_memory() -> int | None:
         return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError):  # macOS has neither
         return None
+
+
+def readable_bytes(count: float) -> str:
+    """Return a number of bytes as ``448 MB``: three digits, in steps of a thousand."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= 0.9995 * size:
+            value = count / size
+            digits = 0 if value >= 99.95 else 1 if value >= 9.995 else 2
+            return f"{value:.{digits}f} {unit}"
+    return f"{count:.0f} bytes"

@@ -7,12 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from PySide6.QtCore import QObject, QSettings, Signal
 
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
 from mbstudio.core.project.state import ScanIdentity
 from mbstudio.core.scan import Scan
+from mbstudio.core.scan.voxel_blocks import in_memory_bytes
 from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.models.style_learner import StyleLearner
 
 RECENT = 8
+KEPT_BYTES = 256 << 20
+"""Scans up to this size stay in memory while undo can bring them back."""
 
 
 class Workspace(QObject):
@@ -33,6 +37,8 @@ class Workspace(QObject):
     Attributes
     ----------
     settings : QSettings
+    scan_forgotten : signal
+        Undo has brought back a scan that is to be read again.
     project : Project
     scan : Scan or None
         The opened scan of the present state; None also while its file is missing.
@@ -46,6 +52,7 @@ class Workspace(QObject):
 
     state_changed = Signal()
     scan_changed = Signal()
+    scan_forgotten = Signal()
     grains_changed = Signal()
     fits_changed = Signal()
     settings_changed = Signal()
@@ -119,6 +126,7 @@ class Workspace(QObject):
         """Begin with a scan whose reference a worker has made."""
         self._scans[reference.identity] = scan
         self.project.use_scan(scan, title=title or tr("Open scan"), reference=reference)
+        self._forget_scans(reference.identity)
         self._announce()
 
     def give_scan(self, scan: Scan) -> None:
@@ -257,6 +265,18 @@ class Workspace(QObject):
 
     # ---- inside ------------------------------------------------------------------------------
 
+    def _forget_scans(self, present: ScanIdentity) -> None:
+        """Let go of large scans in memory that undo can read again from files of their own."""
+        references = [state.scan for state in self.project.history.states if state.scan is not None]
+        # The project's file holds only the scan that it was saved with.
+        kept = {one.identity for one in references if one.embedded} | {present}
+        for key, scan in self._scans.items():
+            size = in_memory_bytes(scan.shape, np.dtype(scan.voxels.dtype))
+            if scan.path is None or scan.is_memory_mapped or size <= KEPT_BYTES:
+                kept.add(key)
+        self._scans = {key: scan for key, scan in self._scans.items() if key in kept}
+        self.project.forget_scans(kept)
+
     def _take_scan(self) -> None:
         reference = self.state.scan
         scan = self._scans.get(reference.identity) if reference is not None else None
@@ -271,6 +291,8 @@ class Workspace(QObject):
         if all_of_it or now.scan != before.scan:
             self._take_scan()
             self.scan_changed.emit()
+            if self.scan is None and now.scan is not None and not all_of_it:
+                self.scan_forgotten.emit()
         if all_of_it or now.grains is not before.grains:
             if not self.chosen <= self._labels():
                 self.chosen &= self._labels()

@@ -57,6 +57,19 @@ def test_a_project_without_avatars(mbstudio, small_scan_file, tmp_path):
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "No avatar was fitted" in text
     assert "K-S D" not in text
+    assert "Part of it" not in text
+
+
+def test_the_part_of_the_scan_is_named(mbstudio, small_scan_file, tmp_path):
+    project = tmp_path / "a.mbs"
+    ran = mbstudio(
+        "segment", small_scan_file, "--voxel-size", "14 um", "--crop", ":30,:30,:30", "-o", project
+    )
+    assert ran.code == 0
+    assert mbstudio("report", project, "--workers", 0).code == 0
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert small_scan_file.name in text
+    assert "voxels 0:30, 0:30, 0:30 of 56 × 56 × 56 (z, y, x)" in text
 
 
 def test_outputs_that_make_no_sense(mbstudio, fitted_project, tmp_path):

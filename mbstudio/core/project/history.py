@@ -33,6 +33,11 @@ class History:
         return self._entries[self._position][1]
 
     @property
+    def states(self) -> list[ProjectState]:
+        """All states, oldest first, those that were undone among them."""
+        return [state for _, state in self._entries]
+
+    @property
     def titles(self) -> list[str]:
         """Titles of the changes that can be undone, oldest first."""
         return [title for title, _ in self._entries[1 : self._position + 1]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -116,9 +116,10 @@ class Project:
         ScanError
             If it was moved, cannot be read, or holds other voxels: see :meth:`relocate_scan`.
         """
-        reference = self.state.scan
-        if reference is None:
-            return None
+        return self.scan_of(self.state.scan) if self.state.scan is not None else None
+
+    def scan_of(self, reference: ScanReference) -> Scan:
+        """Return the scan that a state of this project refers to, opened at first use; as :attr:`scan`."""
         if reference.identity not in self._open_scans:
             if reference.embedded and self.path is not None:
                 scan = read_embedded_scan(self.path, reference)
@@ -128,6 +129,10 @@ class Project:
         return replace(
             self._open_scans[reference.identity], voxel_size=reference.voxel_size, origin=reference.origin
         )
+
+    def forget_scans(self, kept: Collection[ScanIdentity]) -> None:
+        """Let go of opened scans but some; they are opened again when they are asked for."""
+        self._open_scans = {key: scan for key, scan in self._open_scans.items() if key in kept}
 
     def change(self, title: str, **changes: Any) -> ProjectState:
         """Replace fields of the state, as one change that can be undone; return the new state."""

@@ -35,6 +35,36 @@ def refer_to(scan: Scan, *, embed: bool = False) -> ScanReference:
     )
 
 
+def reopen_whole(reference: ScanReference) -> Scan:
+    """Open all of the file that a project's scan is a part of, where it lies in space.
+
+    Raises
+    ------
+    ScanError
+        If the file is not there, cannot be read, or has another shape than it had.
+    """
+    excerpt = reference.excerpt
+    if excerpt is None or reference.path is None:
+        raise ScanError("The project's scan is no part of a file: there is nothing more of it to show.")
+    if not source_exists(reference.path):
+        raise ScanError(
+            f"The project's scan {reference.path} is not there. If it was moved, {HOW_TO_RELOCATE}."
+        )
+    size = excerpt.voxel_size_of_file(reference.voxel_size)
+    scan = open_scan(
+        reference.path, size, shape=excerpt.whole, dtype=reference.dtype,
+        header_bytes=reference.header_bytes, big_endian=reference.big_endian,
+    )  # fmt: skip
+    if scan.shape != excerpt.whole:
+        raise ScanError(
+            f"{reference.path} holds other voxels than it did (shape {scan.shape}, expected "
+            f"{excerpt.whole}): open it anew."
+        )
+    first = [[-start - (factor - 1) / 2 for start, factor in zip(excerpt.start, excerpt.bin, strict=True)]]
+    x, y, z = (float(place) for place in size.positions(np.array(first), reference.origin)[0])
+    return replace(scan, origin=(x, y, z))
+
+
 def _header_bytes(scan: Scan) -> int:
     """Return the bytes before the first voxel of a mapped file."""
     if scan.excerpt is not None:

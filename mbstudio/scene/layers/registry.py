@@ -17,6 +17,7 @@ from mbstudio.scene.layers.grains import AllGrains
 from mbstudio.scene.layers.layer import Layer, Stage
 from mbstudio.scene.layers.live import LiveGrain
 from mbstudio.scene.layers.outline import Outline
+from mbstudio.scene.layers.part_box import PartBox
 from mbstudio.scene.layers.side_by_side import SideBySide
 from mbstudio.scene.layers.slices import Slices
 from mbstudio.scene.layers.tray import Tray
@@ -36,6 +37,7 @@ class Layers(Mapping[str, Layer[Any]]):
     """
 
     outline: Outline
+    part_box: PartBox
     slices: Slices
     volume: Volume
     grains: AllGrains

@@ -108,6 +108,17 @@ def _count_bodies(populations: ProjectPopulations) -> str:
     return words
 
 
+def _describe_scan(project: Project) -> dict[str, str]:
+    """Return the scan's file, and which part of it the grains are of."""
+    reference = project.state.scan
+    known = {}
+    if reference is not None and reference.path is not None:
+        known["Scan"] = reference.path.name
+    if reference is not None and reference.excerpt is not None:
+        known["Part of it"] = f"voxels {reference.excerpt.describe()} (z, y, x)"
+    return known
+
+
 def _describe_measuring(project: Project, populations: ProjectPopulations) -> dict[str, str]:
     grains, avatars = populations.grains, populations.avatars
     assert project.grains is not None
@@ -115,6 +126,7 @@ def _describe_measuring(project: Project, populations: ProjectPopulations) -> di
     cut = len(border & set(grains.labels.tolist()))
     known = {
         "Project": "not saved" if project.path is None else project.path.name,
+        **_describe_scan(project),
         "Voxel size": str(project.grains.voxel_size),
         "Grains": f"{len(project.grains)} in the scan, {len(grains)} chosen, "
         f"{int(grains.measured.sum())} measured"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QToolButton, QVBoxLayout, QWidget
 
 from mbstudio.ui.language import tr
@@ -36,7 +36,7 @@ class Panel(QFrame):
         self.body.addLayout(head)
         self.body.addWidget(label(subtitle, "subtitle", wrap=True))
         self.body.addSpacing(4)
-        scroll = QScrollArea()
+        self._scroll = scroll = QScrollArea()
         scroll.setWidget(content)
         scroll.setWidgetResizable(True)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -53,6 +53,10 @@ class Panel(QFrame):
         """Put widgets below each other into the body."""
         for widget in widgets:
             self.body.addWidget(widget)
+
+    def scroll_to(self, widget: QWidget) -> None:
+        """Bring a widget of the body into sight, once it has its place."""
+        QTimer.singleShot(0, self, lambda: self._scroll.ensureWidgetVisible(widget, 0, 12))
 
     def add_heading(self, text: str) -> None:
         """Begin a group of the body."""

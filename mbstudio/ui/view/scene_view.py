@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QGuiApplication
 
 from mbstudio.scene import Scene, View
+from mbstudio.scene.layers.slices import AXES, Axis
 from mbstudio.scene.tray_camera import TrayCamera
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.display import Display
@@ -39,6 +41,12 @@ class SceneView(QObject):
         The avatar of a grain that is being fitted, as it stands.
     arranged : signal
         Other layers are shown than before, or other things in them.
+    part_changed : signal
+        Another part of the scan is marked, or none.
+    part_dragged : signal (dict of Axis to tuple of int)
+        The part is to reach from and up to these voxels.
+    part : dict of Axis to tuple of int, or None
+        The part of the scan that is marked in slices and view, in voxels, half open.
     picking : bool
         Whether a click chooses what lies under it; a tool that takes clicks itself switches it off.
     """
@@ -48,6 +56,8 @@ class SceneView(QObject):
     slices_changed = Signal()
     avatar_moved = Signal(int, object)
     arranged = Signal()
+    part_changed = Signal()
+    part_dragged = Signal(object)
 
     def __init__(self, studio: Studio) -> None:
         super().__init__(studio)
@@ -58,6 +68,7 @@ class SceneView(QObject):
         self.display = Display(workspace)
         self._displays = [self.display]
         self.picking = True
+        self.part: dict[Axis, tuple[int, int]] | None = None
         self._focus: object = None
         self._tray = TrayCamera(self.scene)
         self.surfaces.factors_ready.connect(self.factors_ready)
@@ -161,6 +172,19 @@ class SceneView(QObject):
         if slices is not None and slices.window != (low, high):
             self.scene.set_window(low, high)
             self._slices_moved()
+
+    def mark_part(self, part: dict[Axis, tuple[int, int]] | None) -> None:
+        """Mark a part of the scan in slices and view, or none."""
+        scan = self.workspace.scan
+        self.part = part if scan is not None else None
+        bounds = None
+        if self.part is not None and scan is not None:
+            ends = np.array([self.part[axis] for axis in AXES], float)
+            edges = np.array(scan.voxel_size.xyz)[:, None]
+            bounds = np.array(scan.origin)[:, None] + (ends - 0.5) * edges
+        self.scene.layers.part_box.set(bounds)
+        self.part_changed.emit()
+        self.draw()
 
     def close(self) -> None:
         """Let go of the scene."""

@@ -46,4 +46,5 @@ class SliceDock(QFrame):
         for (plane, across), pane in zip(PLANES, self.panes.values(), strict=True):
             first, second = axes_of(plane)
             # The upright line is the slice across the first axis.
+            pane.box.colour = self._theme.scene.grain
             pane.set_colours(colour[across], colour[first], colour[second], ground)

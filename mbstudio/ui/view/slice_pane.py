@@ -19,6 +19,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QWidget
 
 from mbstudio.ui.language import tr
+from mbstudio.ui.view.pane_box import Ends, PaneBox
 
 MARGIN = 6  # pixels around the picture
 LARGEST_ZOOM = 40.0
@@ -49,6 +50,10 @@ class SlicePane(QWidget):
         The mouse is over none.
     windowed : signal (float, float)
         Widen the grey window and raise its middle by these shares of its width.
+    boxed : signal (object)
+        The box is to have these ends (columns, rows).
+    box : PaneBox
+        The part of the slice that is chosen.
     """
 
     stepped = Signal(int)
@@ -56,6 +61,7 @@ class SlicePane(QWidget):
     pointed = Signal(float, float)
     left = Signal()
     windowed = Signal(float, float)
+    boxed = Signal(object)
 
     def __init__(self, title: str, across: str) -> None:
         super().__init__()
@@ -68,6 +74,7 @@ class SlicePane(QWidget):
         self._colours = ("#888888", "#888888", "#888888", "#000000")
         self._zoom, self._shift = 1.0, QPointF()
         self._last: QPointF | None = None
+        self.box = PaneBox(self.place_of)
         self.setMouseTracking(True)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMinimumSize(120, 90)
@@ -120,6 +127,11 @@ class SlicePane(QWidget):
         self._cross = (float(column), float(row))
         self.update()
 
+    def set_box(self, ends: Ends | None, cuts_slice: bool = True) -> None:
+        """Show the part of the slice that is chosen, or none; whether this slice lies within it."""
+        self.box.ends, self.box.cuts_slice = ends, cuts_slice
+        self.update()
+
     def set_colours(self, own: str, upright: str, level: str, ground: str) -> None:
         """Take the colours of the frame, of the upright and the level line, and behind the picture."""
         self._colours = (own, upright, level, ground)
@@ -139,9 +151,13 @@ class SlicePane(QWidget):
 
     def voxel_at(self, place: QPointF) -> tuple[float, float] | None:
         """Return the voxel (column, row; the centre of the first is 0) under a place, or None outside."""
-        rect, (rows, columns) = self.picture_rect(), self._shape
-        if self._image is None or not rect.contains(place):
+        if self._image is None or not self.picture_rect().contains(place):
             return None
+        return self._voxel_near(place)
+
+    def _voxel_near(self, place: QPointF) -> tuple[float, float]:
+        """Return the voxel at a place, also outside the picture."""
+        rect, (rows, columns) = self.picture_rect(), self._shape
         column = (place.x() - rect.left()) / rect.width() * columns - 0.5
         row = (rect.bottom() - place.y()) / rect.height() * rows - 0.5
         return column, row
@@ -165,6 +181,7 @@ class SlicePane(QWidget):
             magnified = rect.width() > 2 * self._shape[1]
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, not magnified)
             painter.drawImage(rect, self._image)
+            self.box.paint(painter, rect, ground)
             place = self.place_of(*self._cross)
             for colour, start, end in (
                 (upright, QPointF(place.x(), rect.top()), QPointF(place.x(), rect.bottom())),
@@ -207,20 +224,25 @@ class SlicePane(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         self._last = event.position()
-        if event.button() == Qt.MouseButton.LeftButton:
+        if event.button() == Qt.MouseButton.LeftButton and not self.box.grab(event.position()):
             self._cross_at(event.position())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         place = event.position()
         moved = place - self._last if self._last is not None else QPointF()
         self._last = place if event.buttons() else None
-        if event.buttons() & Qt.MouseButton.LeftButton:
+        if event.buttons() & Qt.MouseButton.LeftButton and self.box.is_held:
+            rows, columns = self._shape
+            self.boxed.emit(self.box.dragged_to(*self._voxel_near(place), (columns, rows)))
+        elif event.buttons() & Qt.MouseButton.LeftButton:
             self._cross_at(place)
         elif event.buttons() & Qt.MouseButton.RightButton:
             self.windowed.emit(moved.x() / 200, -moved.y() / 200)
         elif event.buttons() & Qt.MouseButton.MiddleButton:
             self._shift += moved
             self.update()
+        if not self.box.is_held:
+            self.setCursor(self.box.cursor_at(place) or Qt.CursorShape.CrossCursor)
         voxel = self.voxel_at(place)
         if voxel is None:
             self.left.emit()
@@ -229,6 +251,7 @@ class SlicePane(QWidget):
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         self._last = None
+        self.box.drop()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         self._zoom, self._shift = 1.0, QPointF()

@@ -12,6 +12,7 @@ from mbstudio.scene.layers.slices import AXES, Axis
 from mbstudio.scene.tools.slice_grip import SliceGrip
 from mbstudio.ui.language import tr
 from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.pane_box import Ends
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.view.slice_dock import PLANES, SliceDock, axes_of
 from mbstudio.ui.widgets.dock_frame import DockFrame
@@ -60,6 +61,7 @@ class SliceViews(QObject):
         studio.viewport.grips.append(self.grip)
         studio.viewport.hovered.connect(self._hovered)
         self._view.slices_changed.connect(self.refresh)
+        self._view.part_changed.connect(self._show_part)
         studio.workspace.scan_changed.connect(lambda: self.readout.clear())
         for plane, across in PLANES:
             pane, (first, second) = self._panes[across], axes_of(plane)
@@ -68,6 +70,7 @@ class SliceViews(QObject):
             pane.pointed.connect(lambda c, r, a=first, b=second, own=across: self._pointed({a: c, b: r}, own))
             pane.left.connect(self.readout.clear)
             pane.windowed.connect(self._widen)
+            pane.boxed.connect(lambda ends, a=first, b=second: self._box_dragged(a, b, ends))
         if self.frame.close_button is not None:
             self.frame.close_button.clicked.connect(lambda: self.show(False))
         studio.host.installEventFilter(self)
@@ -112,6 +115,19 @@ class SliceViews(QObject):
                 f"{across} = {readable_length(position, scan.unit) if position else '0'}",
             )
             pane.set_cross(slices.index[first], slices.index[second])
+        self._show_part()
+
+    def _show_part(self) -> None:
+        """Show the part of the scan that is chosen in each pane."""
+        slices, part = self._view.scene.layers.slices.planes, self._view.part
+        for plane, across in PLANES:
+            first, second = axes_of(plane)
+            if part is None or slices is None:
+                self._panes[across].set_box(None)
+            else:
+                start, stop = part[across]
+                within = start <= slices.index[across] < stop
+                self._panes[across].set_box((part[first], part[second]), within)
 
     # ---- by hand ---------------------------------------------------------------------------------
 
@@ -123,6 +139,9 @@ class SliceViews(QObject):
     def _cross(self, first: Axis, column: float, second: Axis, row: float) -> None:
         self._view.move_slice(first, round(column))
         self._view.move_slice(second, round(row))
+
+    def _box_dragged(self, first: Axis, second: Axis, ends: Ends) -> None:
+        self._view.part_dragged.emit({first: ends[0], second: ends[1]})
 
     def _widen(self, wider: float, brighter: float) -> None:
         slices = self._view.scene.layers.slices.planes
