@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import secrets
+import shutil
+import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from mbstudio.core.processes import HOST, is_running
+
+_DAY = 24 * 3600.0
+# Machine, process, chance: by these the next save knows what a killed one has left.
+_BESIDE = re.compile(r"\..+\.(?:(?P<host>[0-9a-f]{8})-(?P<process>\d{1,10})-)?[0-9a-f]{8}\.part")
 
 
 @contextmanager
@@ -16,6 +27,7 @@ def replacing(path: Path) -> Iterator[Path]:
     The file is flushed to the disk before it is renamed, and its folder after, so that a power
     cut leaves either the old file or the new one. When the block raises, the temporary file is
     removed and `path` is as it was. A symbolic link stays one: the file it points to is replaced.
+    What killed programs have left in the folder is removed first.
 
     Raises
     ------
@@ -23,7 +35,8 @@ def replacing(path: Path) -> Iterator[Path]:
         If the folder cannot be written or the disk is full.
     """
     target = path.resolve()
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    remove_leftovers(target.parent)
+    temporary = name_beside(target)
     # Not tempfile.mkstemp: its files are private to the user, and a project is often shared.
     os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
@@ -37,6 +50,38 @@ def replacing(path: Path) -> Iterator[Path]:
         raise
     if os.name != "nt":  # Windows has no handle on a folder to flush
         flush_to_disk(target.parent)
+
+
+def name_beside(path: Path) -> Path:
+    """Return a name for what is not whole yet, beside its place; `remove_leftovers` knows it again."""
+    return path.with_name(f".{path.name}.{_host()}-{os.getpid()}-{secrets.token_hex(4)}.part")
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what programs that were killed while they wrote have left in a folder.
+
+    Only names of `name_beside` count, of a process on this machine that has ended, or of any after a day.
+    What cannot be removed stays: the write that follows tells what is wrong with the folder.
+    """
+    with contextlib.suppress(OSError):
+        for entry in os.scandir(folder):
+            match = _BESIDE.fullmatch(entry.name)
+            if match is None or not _is_left(match, entry):
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path, ignore_errors=True)
+            else:
+                Path(entry.path).unlink(missing_ok=True)
+
+
+def _host() -> str:
+    return f"{zlib.crc32(HOST.encode('utf-8', 'surrogateescape')):08x}"
+
+
+def _is_left(match: re.Match[str], entry: os.DirEntry[str]) -> bool:
+    if match["host"] == _host() and not is_running(int(match["process"])):
+        return True
+    return time.time() - entry.stat(follow_symlinks=False).st_mtime > _DAY
 
 
 def flush_to_disk(path: Path) -> None:

@@ -31,6 +31,7 @@ _HEADER = re.compile(
     rb"mark (?P<mark>[0-9a-f]{64})\nsha256 of these 512 bytes (?P<header>[0-9a-f]{64})\n\0*"
 )
 _JSON_SEAL = re.compile(rb'\{\s*"seal": "(?P<digest>[0-9a-f]{64})"')
+_JSON_CLAIM = re.compile(rb'\{\s*"seal"')
 
 
 class BrokenSealError(ValueError):
@@ -123,14 +124,15 @@ def check_seal(stream: BinaryIO, seal: Seal) -> None:
 
 
 def seal_json(entries: dict[str, Any]) -> bytes:
-    """Return entries as the content of a JSON file (UTF-8) that carries its seal as its first entry.
+    """Return entries as the content of a JSON file (UTF-8) that carries its seal as its first entry, `seal`.
 
     Raises
     ------
     ValueError
         If a number is not finite.
     """
-    text = json.dumps({"seal": _BLANK.decode("ascii"), **entries}, indent=1, allow_nan=False)
+    sealed = {"seal": _BLANK.decode("ascii"), **{key: entries[key] for key in entries if key != "seal"}}
+    text = json.dumps(sealed, indent=1, allow_nan=False)
     content = text.encode("utf-8")
     return content.replace(_BLANK, hashlib.sha256(content).hexdigest().encode("ascii"), 1)
 
@@ -143,9 +145,11 @@ def check_json(content: bytes) -> bool:
     BrokenSealError
         If it carries one and is not what was written.
     """
+    if _JSON_CLAIM.match(content) is None:
+        return False
     match = _JSON_SEAL.match(content)
     if match is None:
-        return False
+        raise BrokenSealError("its seal is none")
     blank = content[: match.start("digest")] + _BLANK + content[match.end("digest") :]
     if hashlib.sha256(blank).hexdigest().encode("ascii") != match["digest"]:
         raise BrokenSealError("its bytes are not those that were written")

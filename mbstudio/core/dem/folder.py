@@ -17,6 +17,7 @@ from pathlib import Path
 
 from mbstudio.core.dem.manifest import FILE_NAME
 from mbstudio.core.errors import ExportError
+from mbstudio.core.replacement import name_beside, remove_leftovers
 
 
 def check_replaceable(folder: Path, ours: Callable[[Path], list[str] | None], overwrite: bool) -> list[str]:
@@ -79,7 +80,9 @@ def replaced_folder(folder: Path, replaced: Iterable[str], overwrite: bool) -> I
         try:
             made_parents = _make_parents(folder.parent)
             place = folder if folder.exists() else folder.parent
-            temporary = Path(tempfile.mkdtemp(prefix=".mbstudio-", suffix=".part", dir=place))
+            remove_leftovers(place)
+            temporary = name_beside(place / "mbstudio")
+            temporary.mkdir(0o700)
             yield temporary
             _refuse_collisions(temporary, folder, set(replaced), overwrite)
             _flush(temporary)

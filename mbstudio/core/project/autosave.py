@@ -21,8 +21,10 @@ from typing import IO, TYPE_CHECKING
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
 from mbstudio.core.project.project import Project
+from mbstudio.core.project.sealed_file import read_digest
 from mbstudio.core.project.state import ProjectState
 from mbstudio.core.replacement import replacing
+from mbstudio.core.sealing import check_json, seal_json
 
 if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
@@ -145,6 +147,7 @@ class Autosave:
             write_project(self.folder / parts[name], part, voxels)
         note = {
             "parts": parts,
+            "digests": {name: read_digest(self.folder / file) for name, file in parts.items()},
             "path": None if path is None else str(Path(path).resolve()),
             "saved": datetime.now(UTC).isoformat(timespec="seconds"),
             "grains": 0 if state.grains is None else len(state.grains),
@@ -153,7 +156,7 @@ class Autosave:
         }
         try:
             with replacing(self.folder / _NOTE) as temporary:
-                temporary.write_text(json.dumps(note, indent=1), encoding="utf-8")
+                temporary.write_bytes(seal_json(note))
         except OSError as error:
             raise ProjectError(f"{self.folder} cannot be written ({error}): free some space.") from error
         self._written, self._parts = state, parts
@@ -202,6 +205,7 @@ class Autosave:
             If it is damaged.
         """
         note, parts = self._read_note()
+        self._require_its_parts(parts)
         state, scan = ProjectState(), None
         for name, file in parts.items():  # a note of an earlier version names fewer
             part = read_project(self.folder / file)
@@ -216,19 +220,42 @@ class Autosave:
         self._written, self._parts = (state, parts) if complete else (None, {})
         return Project.recovered(state, note.path, scan)
 
+    def _require_its_parts(self, parts: dict[str, str]) -> None:
+        """Refuse parts that are not those which the note was written with."""
+        digests = json.loads((self.folder / _NOTE).read_bytes()).get("digests", {})
+        for name, digest in digests.items():
+            if name in parts and read_digest(self.folder / parts[name]) != digest:
+                raise ProjectError(
+                    f"{self.folder / parts[name]} is not the file that the autosaved work was written with: "
+                    "it was damaged or replaced, and nothing of it was read."
+                )
+
     def _read_note(self) -> tuple[AutosaveNote, dict[str, str]]:
         """Return what it holds, and the file of each part."""
         try:
-            told = json.loads((self.folder / _NOTE).read_text(encoding="utf-8"))
+            content = (self.folder / _NOTE).read_bytes()
+            check_json(content)
+            told = json.loads(content)
             note = AutosaveNote(
                 path=Path(told["path"]) if told["path"] else None,
                 saved=datetime.fromisoformat(told["saved"]),
                 **{name: int(told[name]) for name in ("grains", "fits", "clones")},
             )
             parts = {name: told["parts"][name] for name in PARTS if name in told["parts"]}
-            if not all(re.fullmatch(rf"{name}-\d+\.mbs", file) for name, file in parts.items()) or not parts:
+            if (
+                not all(re.fullmatch(rf"{name}-\d{{1,9}}\.mbs", file) for name, file in parts.items())
+                or not parts
+            ):
                 raise ValueError("it names files that are no parts of a project")
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (
+            AttributeError,
+            LookupError,
+            OSError,
+            OverflowError,
+            RecursionError,
+            TypeError,
+            ValueError,
+        ) as error:
             reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
             raise ProjectError(f"The autosaved work in {self.folder} cannot be read ({reason}).") from error
         return note, parts

@@ -60,8 +60,8 @@ if TYPE_CHECKING:
 FORMAT = "mbstudio project"
 SCHEMA = 4
 _VOXELS = "scan/voxels"
-# What numbers and JSON of another kind than expected lead to, wherever they are used.
-_OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
+OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
+"""What numbers and JSON of another kind than expected lead to, wherever they are used."""
 _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
 
 # Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
@@ -174,7 +174,7 @@ def _told(path: Path) -> Iterator[None]:
         yield
     except ProjectError:
         raise
-    except (*_OF_BAD_CONTENTS, MbstudioError, OSError) as error:
+    except (*OF_BAD_CONTENTS, MbstudioError, OSError) as error:
         raise ProjectError(
             f"{path} is no project file of mbstudio, or it is damaged ({_reason(error)}): "
             "open a copy that was saved earlier, or copy it here again."

@@ -17,6 +17,7 @@ import pytest
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.project import Autosave, FitSettings, Project, ProjectState, autosave
 from mbstudio.core.scan import Scan
+from mbstudio.core.sealing import seal_json
 from mbstudio.core.units import VoxelSize
 from tests.core.project.test_file import assert_same
 from tests.core.project.test_kept_table import grain
@@ -153,8 +154,9 @@ def test_a_damaged_note_is_told(root, change):
     saved.write(ProjectState())
     note = saved.folder / "note.json"
     told = json.loads(note.read_text())
-    for damage in (json.dumps(told | change), json.dumps({**told, **change})[:-30], "[]", "{"):
-        note.write_text(damage)
+    cut = json.dumps({**told, **change})[:-30].encode()
+    for damage in (seal_json(told | change), json.dumps(told | change).encode(), cut, b"[]", b"{"):
+        note.write_bytes(damage)
         for read in (lambda: saved.note, saved.restore):
             with pytest.raises(ProjectError, match="cannot be read"):
                 read()
@@ -167,9 +169,47 @@ def test_a_note_that_lacks_something_is_told(root, key):
     note = saved.folder / "note.json"
     told = json.loads(note.read_text())
     del told[key]
-    note.write_text(json.dumps(told))
+    note.write_bytes(seal_json(told))
     with pytest.raises(ProjectError, match=f"'{key}' is missing"):
         saved.note
+
+
+def test_a_part_of_other_work_is_told(root, state):
+    saved, other = Autosave.begin(root), Autosave.begin(root)
+    saved.write(state)
+    other.write(ProjectState())
+    (part,), (another,) = saved.folder.glob("work-*.mbs"), other.folder.glob("work-*.mbs")
+    part.write_bytes(another.read_bytes())
+    with pytest.raises(ProjectError, match="is not the file that the autosaved work was written with"):
+        saved.restore()
+
+
+@pytest.mark.parametrize("flips", [300, pytest.param(5_000, marks=pytest.mark.full)])
+def test_no_flipped_bit_changes_autosaved_work_unseen(root, state, rng, flips):
+    """Each is told, or changes nothing: only the name of the seal itself may lose a letter."""
+    saved = Autosave.begin(root)
+    saved.write(state)
+    files = sorted(saved.folder.iterdir())
+    unsealed = 0
+    before = saved.note
+    for _ in range(flips):
+        path = files[rng.integers(len(files))]
+        whole = path.read_bytes()
+        changed = bytearray(whole)
+        bit = int(rng.integers(8 * len(whole)))
+        changed[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(changed)
+        try:
+            saved.restore()
+        except ProjectError:
+            pass
+        else:
+            assert path.name == "note.json"
+            assert saved.note == before
+            unsealed += 1
+        path.write_bytes(whole)
+    assert unsealed <= flips / 20
+    assert_same(state, saved.restore().state)
 
 
 def test_work_of_a_version_that_wrote_fewer_parts_comes_back_and_is_completed(root, state):
@@ -178,7 +218,7 @@ def test_work_of_a_version_that_wrote_fewer_parts_comes_back_and_is_completed(ro
     note = saved.folder / "note.json"
     told = json.loads(note.read_text())
     (saved.folder / told["parts"].pop("kept")).unlink()
-    note.write_text(json.dumps(told))
+    note.write_bytes(seal_json(told))
     assert_same(replace(state, kept=()), saved.restore().state)
     saved.write(replace(state, fit_settings=FitSettings(n=9)))
     assert json.loads(note.read_text())["parts"].keys() == autosave.PARTS.keys()

@@ -13,6 +13,7 @@ from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import MbstudioError, StyleError
 from mbstudio.core.replacement import replacing
+from mbstudio.core.sealing import BrokenSealError, check_json, seal_json
 from mbstudio.core.vae.models.features import Scaler
 from mbstudio.core.vae.models.model_card import ModelCard
 from mbstudio.core.vae.models.presets import find_preset
@@ -195,7 +196,8 @@ def load_style_learner(folder: str | Path) -> StyleLearner:
 def write_learner(learner: StyleLearner, folder: Path) -> Path:
     """Write a style-learner into a folder; whatever happens, the old or the new one is there.
 
-    The numbers go into a file named after their digest; the JSON file, replaced last, names it.
+    The numbers go into a file named after their digest; the JSON file, replaced last, names it and carries
+    a seal of its own (see :mod:`mbstudio.core.sealing`).
 
     Raises
     ------
@@ -214,13 +216,13 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         "sha256": digest,
         **learner_entries(learner),
     }
-    text = json.dumps(entries, indent=1, allow_nan=False)
+    card = seal_json(entries)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with replacing(folder / weights) as temporary:
             temporary.write_bytes(content)
         with replacing(folder / CARD_FILE) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_bytes(card)
         for older in folder.glob("style-learner-*.safetensors"):
             if older.name != weights:
                 older.unlink(missing_ok=True)
@@ -330,11 +332,15 @@ def read_entries(path: Path) -> dict[str, Any]:
     Raises
     ------
     StyleError
-        If it is missing, no JSON, foreign or newer.
+        If it is missing, damaged, no JSON, foreign or newer.
     """
     content = _read(path)
     if len(content) > _LARGEST_CARD:
         raise StyleError(f"{path} is {len(content) >> 20} MiB long: it is no style-learner of mbstudio.")
+    try:
+        check_json(content)
+    except BrokenSealError as error:
+        raise StyleError(f"{path} is damaged ({error}): take another copy of the folder.") from None
     try:
         entries = json.loads(content)
     except (ValueError, RecursionError):

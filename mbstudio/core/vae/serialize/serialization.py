@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from mbstudio.core.errors import SerializationError
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.replacement import replacing
 from mbstudio.core.units import parse_unit
 
 _ARRAYS = ("centers", "log_weights", "diameters", "rms", "valid")
@@ -236,13 +236,9 @@ def save_serialization(serialization: Serialization, path: str | Path) -> None:
         If the file cannot be written.
     """
     path = Path(path)
-    beside = path.with_name(path.name + ".part")
     try:
-        with beside.open("wb") as stream:
+        with replacing(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(stream, **serialization_arrays(serialization))  # type: ignore[arg-type]
-            stream.flush()
-            os.fsync(stream.fileno())
-        beside.replace(path)
     except OSError as error:
         raise SerializationError(f"{path} cannot be written ({error}).") from error
 

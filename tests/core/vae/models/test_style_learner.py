@@ -2,14 +2,16 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mbstudio.core.errors import StyleError
+from mbstudio.core.sealing import seal_json
 from mbstudio.core.vae.models.radii import surface_rms
-from mbstudio.core.vae.models.style_learner import StyleLearner, load_style_learner
+from mbstudio.core.vae.models.style_learner import CARD_FILE, StyleLearner, load_style_learner, read_entries
 from mbstudio.core.vae.models.training import learn
 from tests.core.vae.populations import population
 
@@ -136,9 +138,48 @@ def test_details_bring_the_parents_nearer(aligned: StyleLearner) -> None:
 
 
 def damaged(folder: Path, **changes: object) -> Path:
+    """Change the card of a style-learner and seal it anew, as a stranger would do it."""
     card = folder / "style-learner.json"
-    card.write_text(json.dumps(json.loads(card.read_text()) | changes))
+    card.write_bytes(seal_json(json.loads(card.read_text()) | changes))
     return folder
+
+
+@pytest.mark.parametrize("flips", [300, pytest.param(5_000, marks=pytest.mark.full)])
+def test_no_flipped_bit_changes_a_style_unseen(
+    aligned: StyleLearner, tmp_path: Path, rng: np.random.Generator, flips: int
+) -> None:
+    """Each is told, or changes nothing: only the name of the seal itself may lose a letter."""
+    folder = aligned.save(tmp_path / "sand")
+    files = sorted(folder.iterdir())
+    before = read_entries(folder / CARD_FILE)
+    unseen = 0
+    for _ in range(flips):
+        path = files[rng.integers(len(files))]
+        whole = path.read_bytes()
+        changed = bytearray(whole)
+        bit = int(rng.integers(8 * len(whole)))
+        changed[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(changed)
+        try:
+            entries = read_entries(folder / CARD_FILE)
+        except StyleError:
+            entries = {}
+        weights = folder / str(entries.get("weights", ""))
+        if entries and sha256(weights.read_bytes()).hexdigest() == entries["sha256"]:
+            assert [value for value in entries.values() if value not in before.values()] == []
+            unseen += 1
+        path.write_bytes(whole)
+    assert unseen <= flips / 50
+    load_style_learner(folder)
+
+
+def test_a_style_of_before_seals_is_read(aligned: StyleLearner, tmp_path: Path) -> None:
+    folder = aligned.save(tmp_path / "sand")
+    card = folder / "style-learner.json"
+    entries = json.loads(card.read_text())
+    del entries["seal"]
+    card.write_text(json.dumps(entries))
+    np.testing.assert_array_equal(load_style_learner(folder).latents, aligned.latents)
 
 
 @pytest.mark.parametrize(
@@ -165,8 +206,6 @@ def test_strange_cards_are_refused(
 
 
 def test_truncated_and_foreign_weights_are_refused(aligned: StyleLearner, tmp_path: Path) -> None:
-    from hashlib import sha256
-
     folder = aligned.save(tmp_path / "sand")
     weights = next(folder.glob("*.safetensors"))
     content = weights.read_bytes()
@@ -190,8 +229,6 @@ def test_truncated_and_foreign_weights_are_refused(aligned: StyleLearner, tmp_pa
 
 
 def test_weights_that_are_not_finite_are_refused(aligned: StyleLearner, tmp_path: Path) -> None:
-    from hashlib import sha256
-
     from safetensors.numpy import load, save
 
     folder = aligned.save(tmp_path / "sand")
