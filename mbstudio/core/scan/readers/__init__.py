@@ -15,6 +15,7 @@ from mbstudio.core.scan.readers.dicom import reading as dicom
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
 from mbstudio.core.scan.readers.ome_zarr import reading as ome_zarr
 from mbstudio.core.scan.readers.side_cars import nikon, phoenix
+from mbstudio.core.scan.readers.vtk_image import reading as vtk_image
 
 FAMILIES: tuple[Family, ...] = (
     tiff.FAMILY,
@@ -31,6 +32,7 @@ FAMILIES: tuple[Family, ...] = (
     ome_zarr.FAMILY,
     amira.FAMILY,
     dicom.FAMILY,
+    vtk_image.FAMILY,
 )
 
 SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)

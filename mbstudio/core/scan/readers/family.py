@@ -136,16 +136,24 @@ def require_grey_volume(shape: tuple[int, ...], dtype: np.dtype[Any], path: Path
         )
 
 
-def require_memory(shape: tuple[int, ...], itemsize: int, path: Path, stored: int | None = None) -> None:
+def require_memory(
+    shape: tuple[int, ...],
+    itemsize: int,
+    path: Path,
+    stored: int | None = None,
+    packing: int = _MOST_COMPRESSION,
+) -> None:
     """Raise ScanError, before memory is taken, if a volume cannot be in a file or in this machine.
 
     Parameters
     ----------
     stored : int, optional
         Bytes of the compressed file that the volume is to be unpacked from.
+    packing : int
+        By how much its compression packs at most.
     """
     needed = math.prod(shape) * itemsize
-    if stored is not None and needed > _MOST_COMPRESSION * max(stored, 1) + 2**20:
+    if stored is not None and needed > packing * max(stored, 1) + 2**20:
         raise ScanError(
             f"{path} states {' x '.join(map(str, shape))} voxels, {needed:,} bytes, but holds {stored:,}: "
             "its header is wrong or its data is cut off; copy or export it again."
