@@ -87,5 +87,13 @@ class DamagedProjectError(ProjectError):
     """A file that is not what mbstudio wrote; nothing of it was read."""
 
 
+class ProjectLockedError(ProjectError):
+    """A project file that another program works on."""
+
+
+class ProjectChangedError(ProjectError):
+    """A project file that is no longer what was opened: saving would lose what others have written."""
+
+
 class ProjectWarning(UserWarning):
     """A project could be opened, but the user should know something about its file."""

@@ -7,8 +7,8 @@ go of the lock however the program ends, so that a folder whose lock is free was
 
 from __future__ import annotations
 
+import errno
 import json
-import os
 import re
 import secrets
 import shutil
@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from mbstudio.core.errors import ProjectError
+from mbstudio.core.locking import try_lock
 from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
 from mbstudio.core.project.project import Project
-from mbstudio.core.project.sealed_file import read_digest
+from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState
 from mbstudio.core.replacement import replacing
 from mbstudio.core.sealing import check_json, seal_json
@@ -119,7 +120,13 @@ class Autosave:
 
     # ---- writing -------------------------------------------------------------------------------
 
-    def write(self, state: ProjectState, path: Path | None = None, voxels: VoxelArray | None = None) -> None:
+    def write(
+        self,
+        state: ProjectState,
+        path: Path | None = None,
+        voxels: VoxelArray | None = None,
+        opened_as: str | None = None,
+    ) -> None:
         """Write a state; the one before stays valid until all of this lies on the disk.
 
         Parameters
@@ -129,6 +136,8 @@ class Autosave:
             The project file that it belongs to.
         voxels : VoxelArray, shape (Z, Y, X), optional
             Of a scan that the project embeds.
+        opened_as : str, optional
+            What told the project file from others when it was opened or saved last.
 
         Raises
         ------
@@ -147,8 +156,9 @@ class Autosave:
             write_project(self.folder / parts[name], part, voxels)
         note = {
             "parts": parts,
-            "digests": {name: read_digest(self.folder / file) for name, file in parts.items()},
+            "digests": {name: identify(self.folder / file) for name, file in parts.items()},
             "path": None if path is None else str(Path(path).resolve()),
+            "opened_as": opened_as,
             "saved": datetime.now(UTC).isoformat(timespec="seconds"),
             "grains": 0 if state.grains is None else len(state.grains),
             "fits": len(state.fits),
@@ -205,7 +215,8 @@ class Autosave:
             If it is damaged.
         """
         note, parts = self._read_note()
-        self._require_its_parts(parts)
+        told = json.loads((self.folder / _NOTE).read_bytes())
+        self._require_its_parts(parts, told.get("digests", {}))
         state, scan = ProjectState(), None
         for name, file in parts.items():  # a note of an earlier version names fewer
             part = read_project(self.folder / file)
@@ -218,13 +229,12 @@ class Autosave:
         # A part that is not there is not written yet: the next write makes it.
         complete = parts.keys() == PARTS.keys()
         self._written, self._parts = (state, parts) if complete else (None, {})
-        return Project.recovered(state, note.path, scan)
+        return Project.recovered(state, note.path, scan, told.get("opened_as"))
 
-    def _require_its_parts(self, parts: dict[str, str]) -> None:
+    def _require_its_parts(self, parts: dict[str, str], digests: dict[str, str]) -> None:
         """Refuse parts that are not those which the note was written with."""
-        digests = json.loads((self.folder / _NOTE).read_bytes()).get("digests", {})
         for name, digest in digests.items():
-            if name in parts and read_digest(self.folder / parts[name]) != digest:
+            if name in parts and identify(self.folder / parts[name]) != digest:
                 raise ProjectError(
                     f"{self.folder / parts[name]} is not the file that the autosaved work was written with: "
                     "it was damaged or replaced, and nothing of it was read."
@@ -269,17 +279,14 @@ def _locked(folder: Path) -> IO[bytes] | None:
     """Return the locked lock file of a folder; None if another program (or window) holds it."""
     stream = _lock_path(folder).open("ab")
     try:
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        else:
-            import fcntl
-
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
+        locked = try_lock(stream)
+    except OSError:
         stream.close()
-        if isinstance(error, BlockingIOError | PermissionError):
-            return None
         raise
+    if locked is None:
+        stream.close()
+        raise OSError(errno.ENOLCK, f"files in {folder.parent} cannot be locked")
+    if not locked:
+        stream.close()
+        return None
     return stream

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -10,13 +11,16 @@ from typing import Any
 
 from psygnal import Signal
 
-from mbstudio.core.errors import ProjectError
+from mbstudio.core.errors import ProjectChangedError, ProjectError
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
 from mbstudio.core.project.history import History
+from mbstudio.core.project.lock import ProjectLock
+from mbstudio.core.project.merging import Merge, merge_states
 from mbstudio.core.project.scan_reference import refer_to, reopen
+from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
 from mbstudio.core.scan import Scan
 
@@ -48,6 +52,9 @@ class Project:
         self.path = Path(path) if path is not None else None
         self.history = History(state or ProjectState())
         self._saved_state: ProjectState | None = self.state
+        self._opened_as: str | None = None
+        self._lock: ProjectLock | None = None
+        self._program = ""
         self._open_scans: dict[ScanIdentity, Scan] = {}
 
     @classmethod
@@ -70,16 +77,28 @@ class Project:
         ProjectError
             If the file is missing, damaged, no project, or of a newer mbstudio.
         """
-        return cls(read_project(Path(path)), path)
+        # Before it is read: what takes its place meanwhile counts as a change.
+        found = identify(Path(path))
+        project = cls(read_project(Path(path)), path)
+        project._opened_as = found
+        return project
 
     @classmethod
-    def recovered(cls, state: ProjectState, path: str | Path | None, scan: Scan | None = None) -> Project:
+    def recovered(
+        cls,
+        state: ProjectState,
+        path: str | Path | None,
+        scan: Scan | None = None,
+        opened_as: str | None = None,
+    ) -> Project:
         """Return a project of work that its file does not hold: unsaved, whatever `path` holds.
 
-        `scan` is given where it is embedded: the file at `path` may not have its voxels.
+        `scan` is given where it is embedded: the file at `path` may not have its voxels. `opened_as` is what
+        the work began from (see :attr:`opened_as`).
         """
         project = cls(state, path)
         project._saved_state = None
+        project._opened_as = opened_as
         if scan is not None and state.scan is not None:
             project._open_scans[state.scan.identity] = scan
         return project
@@ -87,6 +106,41 @@ class Project:
     @property
     def state(self) -> ProjectState:
         return self.history.state
+
+    @property
+    def opened_as(self) -> str | None:
+        """What tells the file that was opened or saved last from any other at its place; None if unknown."""
+        return self._opened_as
+
+    @property
+    def is_held(self) -> bool:
+        """Whether this project keeps others from writing its file."""
+        return self._lock is not None
+
+    def hold(self, program: str, path: str | Path | None = None) -> None:
+        """Keep others from writing the file until the project is closed; `program` is what they are told.
+
+        Parameters
+        ----------
+        program : str
+            Such as "the window".
+        path : str or Path, optional
+            The file that will be written; by default the one that the project came from.
+
+        Raises
+        ------
+        ProjectLockedError
+            If another program works on it.
+        ProjectError
+            If it cannot be written.
+        """
+        target = Path(path) if path is not None else self.path
+        if target is None or (self._lock is not None and self._lock.covers(target)):
+            return
+        lock = ProjectLock.take(target, program)
+        if self._lock is not None:
+            self._lock.release()
+        self._lock, self._program = lock, program
 
     @property
     def is_modified(self) -> bool:
@@ -195,6 +249,24 @@ class Project:
         self.changed.emit(self.state)
         return self.state
 
+    def merge_with_file(self, title: str = "Merge with the file") -> Merge:
+        """Bring in what another program has written into the file since it was opened, as one change.
+
+        The next save then replaces the file.
+
+        Raises
+        ------
+        ProjectError
+            If there is no file, it cannot be read, or the two do not belong together.
+        """
+        if self.path is None:
+            raise ProjectError("The project has no file yet that it could be merged with.")
+        found = identify(self.path)
+        merge = merge_states(self._saved_state, self.state, read_project(self.path))
+        self._push(merge.state, title)
+        self._opened_as = found
+        return merge
+
     def save(self, path: str | Path | None = None, *, embed_scan: bool | None = None) -> Path:
         """Write the project to `path`, or to the file that it came from.
 
@@ -212,6 +284,10 @@ class Project:
 
         Raises
         ------
+        ProjectChangedError
+            If the file is no longer what was opened: see :meth:`merge_with_file`.
+        ProjectLockedError
+            If another program works on the file.
         ProjectError
             If there is no path yet, or the file cannot be written; an older file stays as it was.
         ScanError
@@ -226,7 +302,10 @@ class Project:
             if embedded != state.scan.embedded:
                 state = replace(state, scan=replace(state.scan, embedded=embedded))
         scan = self.scan if state.scan is not None and state.scan.embedded else None
-        write_project(target, state, scan.voxels if scan is not None else None)
+        with self._alone(target):
+            self._require_unchanged(target)
+            write_project(target, state, scan.voxels if scan is not None else None)
+            self._opened_as = identify(target)
         self.path = target
         # What was written, not what holds now: the window saves in a worker, and work goes on.
         self._saved_state = state
@@ -235,9 +314,38 @@ class Project:
             self._push(state if self.state is begun else replace(self.state, scan=state.scan), title)
         return target
 
+    @contextmanager
+    def _alone(self, target: Path) -> Iterator[None]:
+        """Write a file while nobody else does; a project that holds its file holds the new one then."""
+        if self._lock is not None and self._lock.covers(target):
+            yield
+            return
+        lock = ProjectLock.take(target, self._program or "a save")
+        try:
+            yield
+        except BaseException:
+            lock.release()
+            raise
+        if self._lock is None:
+            lock.release()
+        else:
+            self._lock.release()
+            self._lock = lock
+
+    def _require_unchanged(self, target: Path) -> None:
+        same = self.path is not None and target.resolve() == self.path.resolve()
+        if same and self._opened_as is not None and identify(target) not in (None, self._opened_as):
+            raise ProjectChangedError(
+                f"{target} was written by another program since it was opened here, and was not replaced: "
+                "save under another name, merge the two, or open it anew."
+            )
+
     def close(self) -> None:
-        """Let go of the scan's file; unsaved changes stay in memory only."""
+        """Let go of the scan's file and of the project's own; unsaved changes stay in memory only."""
         self._open_scans.clear()
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
 
     def __enter__(self) -> Project:
         return self

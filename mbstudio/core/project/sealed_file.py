@@ -59,17 +59,19 @@ def warn_unsealed(path: Path) -> None:
     )
 
 
-def read_digest(path: Path) -> str | None:
-    """Return what tells a saved file from any other: the digest of its header.
+def identify(path: Path) -> str | None:
+    """Return what tells a project file from any other that was ever at its place; None if there is none.
 
-    None for a file without a seal and where there is no file.
+    That is the digest of its header, which names the digest of all the rest; of a file without a seal its
+    length and the time of its last change.
     """
     try:
         with path.open("rb") as stream:
             seal = read_seal(stream.read(HEADER_BYTES))
+            told = os.fstat(stream.fileno())
     except OSError:
         return None
-    return None if seal is None else seal.header
+    return f"{told.st_size} bytes, {told.st_mtime_ns}" if seal is None else seal.header
 
 
 @contextmanager
