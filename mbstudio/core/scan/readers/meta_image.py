@@ -1,14 +1,17 @@
-"""MetaImage (MHD, MHA): memory-mapped where it is one uncompressed block, else read by SimpleITK."""
+"""MetaImage (MHD, MHA): memory-mapped where it is one uncompressed block."""
 
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mbstudio.core.errors import ScanError, UnitError
 from mbstudio.core.scan.grid import Grid
+from mbstudio.core.scan.readers.data_files import Storage, named_files, numbered_names, read_part
 from mbstudio.core.scan.readers.family import (
     Family,
     Reading,
@@ -22,13 +25,15 @@ from mbstudio.core.scan.readers.pixels import PixelMeaning, decode
 from mbstudio.core.scan.readers.text import plain_text
 from mbstudio.core.scan.readers.tiff_lengths import length_unit
 from mbstudio.core.scan.scan import VoxelArray
+from mbstudio.core.scan.slice_stack import SliceStack
 from mbstudio.core.units import names_no_length
 
+# MetaIO's own sizes; those of MET_LONG are 4 bytes, or 8 where the file is so long.
 _DTYPES = {
     "MET_UCHAR": "u1", "MET_CHAR": "i1", "MET_USHORT": "u2", "MET_SHORT": "i2", "MET_UINT": "u4",
     "MET_INT": "i4", "MET_FLOAT": "f4", "MET_DOUBLE": "f8", "MET_ULONG_LONG": "u8", "MET_LONG_LONG": "i8",
+    "MET_LONG": "i4", "MET_ULONG": "u4",
 }  # fmt: skip
-_BYTES = {"MET_LONG": 8, "MET_ULONG": 8}
 # The format's millimetres are believed below this; a scan in micrometres mostly states more.
 _PLAIN_MILLIMETRES = 1.0
 
@@ -44,32 +49,22 @@ def read(path: Path, options: ReadOptions) -> Reading:
     Raises
     ------
     ScanError
-        If the file is damaged, cut off, or no grey volume.
+        If the file is damaged, cut off, or no grey volume; or names files in another folder.
     """
     fields, data_start = _header(path)
     spacing_text = fields.get("ElementSpacing", fields.get("ElementSize"))
     shape = _shape(fields, path)
-    channels = int(_first(fields, "1", "ElementNumberOfChannels"))
+    channels = _whole(fields, "ElementNumberOfChannels", 1, path)
     try:
         steps, origin = _steps(fields, spacing_text)
-        int(fields.get("HeaderSize", "0"))
     except ValueError as error:
         raise ScanError(
             f"The header of {path} holds what is no number ({error}): correct it or export it again."
         ) from error
-    try:
-        raw = _mapped(path, fields, data_start, shape, channels)
-        if raw is None:
-            raw = _by_itk(path, fields, shape, channels)
-    except (ScanError, MemoryError):
-        raise
-    except (RuntimeError, ValueError, OSError, KeyError) as error:
-        reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
-        raise ScanError(
-            f"{path} cannot be read as MetaImage ({reason}): "
-            "it or its data file is damaged, missing or cut off; copy or export it again."
-        ) from error
-    voxels: VoxelArray = decode(raw, PixelMeaning(samples=channels), path, numbers=options.numbers)
+    raw = _voxels(path, fields, data_start, shape, channels)
+    voxels: VoxelArray = raw
+    if isinstance(raw, np.ndarray):
+        voxels = decode(raw, PixelMeaning(samples=channels), path, numbers=options.numbers)
     require_grey_volume(voxels.shape, voxels.dtype, path)
     if spacing_text is None:
         return Reading(voxels, metadata=fields)
@@ -135,23 +130,37 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
     raise ScanError(f"{path} is not a MetaImage header (no ElementDataFile): copy or export it again.")
 
 
+def _whole(fields: dict[str, str], name: str, default: int, path: Path) -> int:
+    """Return a whole number of the header, `default` where it says nothing."""
+    text = fields.get(name, str(default)).strip()
+    if not re.fullmatch(r"-?[0-9]{1,18}", text):
+        raise ScanError(
+            f"The header of {path} gives {name} as '{text[:60]}', which is no whole number: correct it or "
+            f"export "
+            "it again."
+        )
+    return int(text)
+
+
 def _shape(fields: dict[str, str], path: Path) -> tuple[int, int, int]:
     """Return the number of voxels (z, y, x); further axes of one voxel are dropped."""
-    try:
-        counts = [int(float(count)) for count in fields["DimSize"].split()]
-        axes = int(fields.get("NDims", len(counts)))
-    except (KeyError, ValueError) as error:
+    words = fields.get("DimSize", "").split()
+    if not words or not all(re.fullmatch(r"-?[0-9]{1,12}(\.0*)?", word) for word in words):
+        raise ScanError(f"{path} does not say how many voxels it holds (DimSize): export it again.")
+    counts = [int(word.partition(".")[0]) for word in words]
+    axes = _whole(fields, "NDims", len(counts), path)
+    if axes != len(counts):
         raise ScanError(
-            f"{path} does not say how many voxels it holds (DimSize): export it again."
-        ) from error
+            f"{path} states {axes} axes (NDims), but {len(counts)} numbers of voxels (DimSize): correct it."
+        )
     while len(counts) > 3 and counts[-1] == 1:
         counts.pop()
     if axes == 2 and len(counts) == 2:
         counts.append(1)
-    channels = fields.get("ElementNumberOfChannels", "1")
-    if len(counts) != 3 or not channels.isdigit():
+    channels = fields.get("ElementNumberOfChannels", "1").strip()
+    if len(counts) != 3 or not 1 <= _whole(fields, "ElementNumberOfChannels", 1, path) <= 1000:
         raise ScanError(
-            f"{path} has {fields.get('NDims', len(counts))} axes with {channels} channels: "
+            f"{path} has {axes} axes with {channels} channels: "
             "a scan has three axes (z, y, x) and one grey value per voxel."
         )
     if min(counts) < 1:
@@ -164,51 +173,77 @@ def _true(text: str) -> bool:
     return text.strip().lower() in ("true", "t", "1", "yes")
 
 
-def _mapped(
+def _voxels(
     path: Path, fields: dict[str, str], data_start: int, shape: tuple[int, int, int], channels: int
-) -> np.ndarray | None:
-    """Map the voxels where they are one uncompressed block of known type."""
-    file_name, header_size = fields["ElementDataFile"], int(fields.get("HeaderSize", "0"))
-    is_local = file_name.upper() == "LOCAL"
-    if file_name.upper().split()[:1] == ["LIST"] or "%" in file_name or len(file_name.split()) == 4:
-        raise ScanError(
-            f"{path} spreads its data over several files ({file_name}): save it as one file, "
-            "or open the folder of slices."
-        )
-    file, start = (path, data_start) if is_local else (side_car(path, file_name), 0)
-    if not file.is_file():
-        raise ScanError(f"{path} names the data file {file.name}, which is missing: put it beside.")
-    if _true(fields.get("CompressedData", "False")) or not _true(fields.get("BinaryData", "True")):
-        return None
-    kind = fields.get("ElementType", "")
-    if kind not in _DTYPES:
-        return None
-    big = _true(_first(fields, "False", "BinaryDataByteOrderMSB", "ElementByteOrderMSB"))
-    dtype = np.dtype(_DTYPES[kind]).newbyteorder(">" if big else "<")
+) -> np.ndarray | SliceStack:
+    """Return the voxels: mapped, unpacked, or slice by slice where they are in several files."""
+    named = fields["ElementDataFile"]
     full = shape if channels == 1 else (*shape, channels)
-    needed, there = math.prod(full) * dtype.itemsize, file.stat().st_size
-    start = there - needed if header_size < 0 else start + header_size
-    if start < 0 or start + needed > there:
+    if named.upper() == "LOCAL":
+        return read_part(path, full, _storage(path, fields, path, full, data_start), path)
+    if named.upper().split()[:1] == ["LIST"]:
+        names = _listed(path, data_start)
+    elif "%" in named:
+        names = numbered_names(path, named)
+    else:
+        file = side_car(path, named)
+        return read_part(file, full, _storage(path, fields, file, full, 0), path)
+    files = named_files(path, names, shape[0])
+    deep = shape[0] // len(files)
+    part = (deep, *full[1:])
+    how = _storage(path, fields, files[0], part, 0)
+    for file in files:
+        if how.packing == "raw":
+            read_part(file, part, how, path)  # its length is checked, and no more
+    if channels > 1:
+        require_memory(full, how.dtype.itemsize, path)
+        return np.concatenate([read_part(file, part, how, path) for file in files])
+
+    def read_slice(index: int) -> np.ndarray:
+        return np.array(read_part(files[index // deep], part, how, path)[index % deep])
+
+    return SliceStack(read_slice, shape, how.dtype)
+
+
+def _listed(path: Path, data_start: int) -> list[str]:
+    """Return the names in the lines behind ``ElementDataFile = LIST``."""
+    with path.open("rb") as stream:
+        stream.seek(data_start)
+        content = stream.read(2**24)
+    return [line.strip() for line in plain_text(content).splitlines() if line.strip()]
+
+
+def _storage(
+    path: Path, fields: dict[str, str], file: Path, shape: tuple[int, ...], data_start: int
+) -> Storage:
+    """Return how voxels lie in a file, as the header says."""
+    kind = fields.get("ElementType", "").strip().upper().removesuffix("_ARRAY")
+    if kind not in _DTYPES:
         raise ScanError(
-            f"{path} states {' x '.join(map(str, shape))} voxels (z, y, x) of {dtype.name}, {needed:,} "
-            "bytes, "
-            f"but {file.name} holds {there:,}: it is cut off, or the header is wrong."
+            f"{path} holds values of type {kind or 'unknown'} (ElementType): export grey values as whole or "
+            "real numbers."
         )
-    return np.memmap(file, dtype, "r", start, full)
-
-
-def _by_itk(path: Path, fields: dict[str, str], shape: tuple[int, int, int], channels: int) -> np.ndarray:
-    """Read what is compressed, or written out as text."""
-    import SimpleITK as sitk
-
-    kind = fields.get("ElementType", "")
-    itemsize = np.dtype(_DTYPES[kind]).itemsize if kind in _DTYPES else _BYTES.get(kind, 1)
-    name = fields["ElementDataFile"]
-    file = path if name.upper() == "LOCAL" else side_car(path, name)
-    packed = _true(fields.get("CompressedData", "False"))
-    require_memory(shape, itemsize * channels, path, file.stat().st_size if packed else None)
-    voxels: np.ndarray = sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
-    return voxels
+    big = _true(_first(fields, "False", "BinaryDataByteOrderMSB", "ElementByteOrderMSB"))
+    dtype: np.dtype[Any] = np.dtype((">" if big else "<") + _DTYPES[kind])
+    header_size = _whole(fields, "HeaderSize", 0, path)
+    if header_size < -1:
+        raise ScanError(
+            f"The header of {path} gives HeaderSize as {header_size}: correct it or export it again."
+        )
+    start = -1 if header_size < 0 else data_start + header_size
+    if _true(fields.get("CompressedData", "False")):
+        if "LONG" in kind and "LONG_LONG" not in kind:
+            raise ScanError(f"{path} holds packed {kind}, whose length is not told: export it as MET_INT.")
+        length = None
+        if "CompressedDataSize" in fields:
+            length = max(0, _whole(fields, "CompressedDataSize", 0, path))
+        return Storage("zlib or gzip", dtype, start, length=length or None)
+    if not _true(fields.get("BinaryData", "True")):
+        return Storage("text", dtype, max(start, 0))
+    is_long = kind in ("MET_LONG", "MET_ULONG") and file.is_file() and start >= 0
+    if is_long and file.stat().st_size - start == 8 * math.prod(shape):
+        dtype = np.dtype(dtype.str[:2] + "8")
+    return Storage("raw", dtype, start)
 
 
 def _steps(fields: dict[str, str], spacing_text: str | None) -> tuple[np.ndarray, np.ndarray]:
@@ -228,6 +263,8 @@ def _steps(fields: dict[str, str], spacing_text: str | None) -> tuple[np.ndarray
     values = [float(value) for value in (spacing_text or "1 1 1").split()]
     if len(values) == 2:
         values.append(values[-1])
+    if len(values) < 3:
+        raise ValueError(f"ElementSpacing has {len(values)} numbers")
     spacing = np.array(values[:3])
     return directions * spacing[:, None], origin
 

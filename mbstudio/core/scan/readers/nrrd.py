@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.grid import Grid
+from mbstudio.core.scan.readers.data_files import Storage, named_files, numbered_names, read_part
 from mbstudio.core.scan.readers.family import (
     Family,
     Reading,
@@ -26,6 +27,11 @@ from mbstudio.core.scan.readers.tiff_lengths import shared_unit
 from mbstudio.core.scan.scan import VoxelArray
 
 _LARGEST_HEADER = 2**20
+_PACKINGS = {
+    "raw": "raw", "gzip": "gzip", "gz": "gzip", "bzip2": "bzip2", "bz2": "bzip2", "ascii": "text",
+    "text": "text", "txt": "text",
+}  # fmt: skip
+_LIST = re.compile(rb"data ?file:\s*LIST\b", re.IGNORECASE)
 # Kinds of axes that run through space; of any other kind there may be only one sample.
 _COLOURS = ("rgb-color", "rgba-color", "hsv-color", "xyz-color")
 
@@ -46,23 +52,15 @@ def read(path: Path, options: ReadOptions) -> Reading:
     header, data_start = _header(path)
     try:
         sizes = tuple(int(count) for count in header["sizes"])
-        nrrd.reader._determine_datatype(header)
-    except Exception as error:  # as below
+        dtype: np.dtype[Any] = nrrd.reader._determine_datatype(header)
+    except Exception as error:  # as in _header
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ScanError(
             f"The header of {path} is no complete NRRD header ({reason}): export it again."
         ) from error
-    try:
-        raw = _mapped(path, header, sizes, data_start)
-        if raw is None:
-            raw = _unpacked(path, header, sizes, data_start)
-    except (ScanError, MemoryError):
-        raise
-    except Exception as error:  # pynrrd raises errors of many unrelated types
-        reason = f"its {error} is missing" if isinstance(error, KeyError) else str(error)
-        raise ScanError(
-            f"{path} cannot be read as NRRD ({reason}): it is damaged or cut off; copy or export it again."
-        ) from error
+    if dtype.kind not in "buif":
+        raise ScanError(f"{path} holds values of type {dtype}: export grey values as whole or real numbers.")
+    raw = _voxels(path, header, sizes, dtype, data_start)
     metadata = {key: str(value) for key, value in header.items()}
     voxels, axes = _three_axes(raw, header, path, options.numbers)
     require_grey_volume(voxels.shape, voxels.dtype, path)
@@ -96,38 +94,70 @@ def _header(path: Path) -> tuple[dict[str, Any], int]:
             if not line or not line.strip():
                 break
             lines.append(line)
+            if _LIST.match(line):  # the names of the files follow
+                break
         start = stream.tell()
     # pynrrd drops what is not ASCII, and of "µm" that leaves metres: it is given text.
     text = plain_text(b"".join(lines)).splitlines()
     try:
         return dict(nrrd.read_header([*text, ""])), start
-    except Exception as error:  # as in read
+    except Exception as error:  # pynrrd raises errors of many unrelated types
         raise ScanError(f"The header of {path} cannot be read as NRRD ({error}): export it again.") from error
 
 
-def _mapped(path: Path, header: dict[str, Any], sizes: tuple[int, ...], data_start: int) -> np.ndarray | None:
-    """Map uncompressed voxels, None where the data must be decoded."""
-    import nrrd
-
-    skips = int(header.get("line skip", header.get("lineskip", 0)))
-    byte_skip = int(header.get("byte skip", header.get("byteskip", 0)))
-    detached = _detached(header)
-    if isinstance(detached, str) and (detached.upper().startswith("LIST") or "%" in detached):
-        raise ScanError(f"{path} spreads its data over several files ({detached}): save it as one file.")
-    if header["encoding"] != "raw" or skips:
-        return None
-    file, start = (path, data_start) if detached is None else (side_car(path, detached), 0)
-    if not file.is_file():
-        raise ScanError(f"{path} names the data file {file.name}, which is not there: put it beside.")
-    dtype = nrrd.reader._determine_datatype(header)
-    needed = math.prod(sizes) * dtype.itemsize
-    start = file.stat().st_size - needed if byte_skip == -1 else start + byte_skip
-    if min(sizes) < 1 or start < 0 or start + needed > file.stat().st_size:
+def _voxels(
+    path: Path, header: dict[str, Any], sizes: tuple[int, ...], dtype: np.dtype[Any], data_start: int
+) -> np.ndarray:
+    """Return the voxels of the file, or of the files that it names, mapped where they are raw in one."""
+    packing = _PACKINGS.get(str(header["encoding"]).strip().lower())
+    if packing is None:
         raise ScanError(
-            f"{path} states {' x '.join(map(str, sizes))} voxels, {needed:,} bytes, but {file.name} holds "
-            f"{max(file.stat().st_size - max(start, 0), 0):,}: it is cut off; copy or export it again."
+            f"{path} is encoded as {header['encoding']}, which is not read: save it as raw or gzip."
         )
-    return np.memmap(file, dtype, "r", start, sizes[::-1])
+    skip = _skip(header, "byte skip", path)
+    if skip < 0 and packing != "raw":
+        raise ScanError(f"{path} counts from the end of packed voxels (byte skip: -1): save it as raw.")
+    named = _detached(header)
+    how = Storage(
+        packing,
+        dtype,
+        -1 if skip < 0 else data_start if named is None else 0,
+        max(skip, 0),
+        max(_skip(header, "line skip", path), 0) if skip >= 0 else 0,
+    )
+    shape = sizes[::-1]
+    if named is None:
+        return read_part(path, shape, how, path)
+    if named.upper().split()[:1] == ["LIST"]:
+        names = _listed(path, data_start)
+    elif "%" in named:
+        names = numbered_names(path, named)
+    else:
+        return read_part(side_car(path, named), shape, how, path)
+    files = named_files(path, names, shape[0])
+    part = (shape[0] // len(files), *shape[1:])
+    if packing == "raw":
+        for file in files:
+            read_part(file, part, how, path)  # the lengths are checked before memory is taken
+    require_memory(shape, dtype.itemsize, path)
+    return np.concatenate([read_part(file, part, how, path) for file in files])
+
+
+def _listed(path: Path, data_start: int) -> list[str]:
+    """Return the names in the lines behind ``data file: LIST``."""
+    with path.open("rb") as stream:
+        stream.seek(data_start)
+        content = stream.read(_LARGEST_HEADER * 16)
+    return [line.strip() for line in plain_text(content).splitlines() if line.strip()]
+
+
+def _skip(header: dict[str, Any], name: str, path: Path) -> int:
+    text = str(header.get(name, header.get(name.replace(" ", ""), 0))).strip()
+    if not re.fullmatch(r"-1|[0-9]{1,18}", text):
+        raise ScanError(
+            f"The header of {path} gives {name} as '{text[:60]}', which is no number: correct it."
+        )
+    return int(text)
 
 
 def name_of_data(path: Path) -> str | None:
@@ -139,24 +169,6 @@ def name_of_data(path: Path) -> str | None:
 def _detached(header: dict[str, Any]) -> str | None:
     name = header.get("data file", header.get("datafile"))
     return None if name is None else str(name)
-
-
-def _unpacked(path: Path, header: dict[str, Any], sizes: tuple[int, ...], data_start: int) -> np.ndarray:
-    """Read compressed or written-out voxels."""
-    import nrrd
-
-    detached = _detached(header)
-    file = path if detached is None else side_car(path, detached)
-    if not file.is_file():
-        raise ScanError(f"{path} names the data file {file.name}, which is not there: put it beside.")
-    dtype = nrrd.reader._determine_datatype(header)
-    packed = header["encoding"] in ("gzip", "gz", "bzip2", "bz2")
-    require_memory(sizes, dtype.itemsize, path, file.stat().st_size if packed else None)
-    with file.open("rb") as stream:
-        stream.seek(data_start if detached is None else 0)
-        inside = {key: value for key, value in header.items() if key not in ("data file", "datafile")}
-        voxels: np.ndarray = nrrd.read_data(inside, stream, None, index_order="C")
-    return voxels
 
 
 def _three_axes(

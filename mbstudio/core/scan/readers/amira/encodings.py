@@ -1,38 +1,13 @@
-"""The ways in which AmiraMesh packs its numbers: HxByteRLE, HxZip and text."""
+"""The runs (HxByteRLE) in which AmiraMesh packs its labels."""
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mbstudio.core.compiled import compiled
 from mbstudio.core.errors import ScanError
-
-
-def unzipped(content: bytes, needed: int, path: Path) -> np.ndarray:
-    """Return the bytes of a zlib stream, which must be as many as needed; its checksum is compared.
-
-    Raises
-    ------
-    ScanError
-        If it is damaged, or holds more or fewer.
-    """
-    try:
-        inflate = zlib.decompressobj()
-        # One more than needed, so that more is noticed and not inflated.
-        out = inflate.decompress(content, needed + 1)
-    except zlib.error as error:
-        raise ScanError(f"{path} is damaged: its packed voxels cannot be unpacked ({error}).") from error
-    if len(out) != needed or not inflate.eof:
-        some = "more" if len(out) > needed else "fewer"
-        raise ScanError(
-            f"{path} holds {some} packed voxels than its header states ({needed:,} bytes): "
-            "it is damaged or cut off; copy or export it again."
-        )
-    return np.frombuffer(out, np.uint8)
 
 
 def unrolled(content: bytes, needed: int, path: Path) -> np.ndarray:
@@ -77,32 +52,3 @@ def _unroll(packed: np.ndarray, out: np.ndarray) -> int:
             place += 1
         count += length
     return count
-
-
-def written_out(content: bytes, count: int, dtype: np.dtype[Any], path: Path) -> np.ndarray:
-    """Return numbers that are written as text, which must be as many as `count`.
-
-    Raises
-    ------
-    ScanError
-        If they are more or fewer, or no numbers of that type.
-    """
-    words = content.split(None, count)
-    if len(words) != count:
-        held = "more" if len(words) > count else f"{len(words):,}"
-        raise ScanError(
-            f"{path} holds {held} numbers, where its header states {count:,}: it is damaged or cut off; "
-            "copy or export it again."
-        )
-    try:
-        if dtype.kind == "f":
-            return np.array(words).astype(dtype)
-        numbers = np.array(words).astype(np.int64)
-    except (ValueError, OverflowError) as error:
-        raise ScanError(
-            f"{path} holds what is no number ({error}): it is damaged; copy or export it again."
-        ) from error
-    kind = np.iinfo(dtype)
-    if len(numbers) and (numbers.min() < kind.min or numbers.max() > kind.max):
-        raise ScanError(f"{path} holds numbers outside its type {dtype.name}: export it again.")
-    return numbers.astype(dtype)

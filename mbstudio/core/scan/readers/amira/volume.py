@@ -22,6 +22,7 @@ from mbstudio.core.scan.readers.family import (
 from mbstudio.core.scan.readers.orientation import along_axes, impossible
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode
 from mbstudio.core.scan.readers.tiff_lengths import length_unit
+from mbstudio.core.scan.readers.unpacking import unpacked, written_out
 from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.units import names_no_length
 
@@ -123,8 +124,6 @@ def _voxels(header: AmiraHeader, field: Field, dtype: np.dtype[Any], path: Path)
     if header.order == "a":
         require_memory(full, _BYTES_OF_A_WORD, path, held)
         return _as_text(header, field, dtype, full, path)
-    from mbstudio.core.scan.readers.amira.encodings import unrolled, unzipped
-
     needed = count * dtype.itemsize
     length = needed if field.packing is None else field.length
     if length is None or start + length > held:
@@ -137,18 +136,21 @@ def _voxels(header: AmiraHeader, field: Field, dtype: np.dtype[Any], path: Path)
     if field.packing is None:
         return np.memmap(path, dtype, "r", start, full)
     require_memory(full, dtype.itemsize, path, None if field.packing.lower() == "hxbyterle" else length)
-    with path.open("rb") as stream:
-        stream.seek(start)
-        content = stream.read(length)
     packing = field.packing.lower()
     if packing == "hxzip":
-        return unzipped(content, needed, path).view(dtype).reshape(full)
+        with path.open("rb") as stream:
+            stream.seek(start)
+            return unpacked(stream, "zlib", needed, path, length).view(dtype).reshape(full)
     if packing == "hxbyterle" and dtype.itemsize == 1:
+        from mbstudio.core.scan.readers.amira.encodings import unrolled
+
         if needed > 128 * length:
             raise ScanError(
                 f"{path} states more voxels than its {length:,} packed bytes can hold: it is damaged."
             )
-        return unrolled(content, needed, path).view(dtype).reshape(full)
+        with path.open("rb") as stream:
+            stream.seek(start)
+            return unrolled(stream.read(length), needed, path).view(dtype).reshape(full)
     raise ScanError(
         f"{path} packs {dtype.name} in a way that is not read ({field.packing}): save it without compression."
     )
@@ -157,8 +159,6 @@ def _voxels(header: AmiraHeader, field: Field, dtype: np.dtype[Any], path: Path)
 def _as_text(
     header: AmiraHeader, field: Field, dtype: np.dtype[Any], full: tuple[int, ...], path: Path
 ) -> np.ndarray:
-    from mbstudio.core.scan.readers.amira.encodings import written_out
-
     count = math.prod(full)
     with path.open("rb") as stream:
         stream.seek(header.data_start)
