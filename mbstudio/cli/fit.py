@@ -146,6 +146,7 @@ def fit(
     output = _choose_output(meshes or sources, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
     if meshes is not None:
+        inputs.refuse_for_meshes(settings, voxel_size=voxel_size, shape=shape, labels=labels, scan=scan)
         project = Project.new()
         project.change("Load mesh", grains=inputs.grains_of_meshes(meshes, resolution, unit, cavities))
     elif inputs.is_project(source):

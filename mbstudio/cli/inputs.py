@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,13 +13,14 @@ from mbstudio.cli import console
 from mbstudio.core.errors import MbstudioError, ProjectError
 
 if TYPE_CHECKING:
+    import trimesh
+
     from mbstudio.core.grains import GrainSet
     from mbstudio.core.meshes.bodies import Cavities
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan
 
 PROJECT_ENDING = ".mbs"
-_SLICE_ENDINGS = (".tif", ".tiff", ".png", ".bmp", ".jpg", ".jpeg", ".dcm")
 
 VoxelSizeOption = Annotated[
     str | None,
@@ -97,12 +98,12 @@ def meshes_among(sources: Sequence[Path]) -> list[Path] | None:
     MbstudioError
         If there are several inputs and one of them is no mesh, or a folder or pattern holds none.
     """
-    from mbstudio.core.meshes.listing import find_meshes
+    from mbstudio.core.meshes.listing import find_meshes, means_meshes
 
-    if len(sources) == 1 and not _means_meshes(sources[0]):
+    if len(sources) == 1 and not means_meshes(sources[0]):
         return None
     for source in sources:
-        if not _means_meshes(source):
+        if not means_meshes(source):
             if not source.exists():
                 raise MbstudioError(f"{source} does not exist: check the name and the folder.")
             raise MbstudioError(
@@ -122,15 +123,6 @@ def mesh_endings() -> tuple[str, ...]:
     from mbstudio.core.meshes.endings import MESH_ENDINGS
 
     return MESH_ENDINGS
-
-
-def _means_meshes(source: Path) -> bool:
-    """Return whether a file, folder or pattern stands for meshes; slices with a stray mesh do not."""
-    if source.is_dir():
-        endings = [path.suffix.lower() for path in source.iterdir() if path.is_file()]
-        meshes = sum(ending in mesh_endings() for ending in endings)
-        return meshes > sum(ending in _SLICE_ENDINGS for ending in endings)
-    return is_mesh(source) or (not source.exists() and any(sign in str(source) for sign in "*?["))
 
 
 def one_input(sources: Sequence[Path]) -> Path:
@@ -173,13 +165,15 @@ def require_scan_to_crop(source: Path, crop: str | None, binning: str | None) ->
     """Refuse a region or a bin of what is no scan file."""
     if crop is None and binning is None:
         return
+    from mbstudio.core.meshes.listing import means_meshes
+
     option = "--crop" if crop is not None else "--bin"
     if is_project(source):
         raise MbstudioError(
             f"{source} is a project, whose scan stays as it is: "
             f"make another one of the scan's file with {option}."
         )
-    if _means_meshes(source):
+    if means_meshes(source):
         raise MbstudioError(f"{source} is no scan, and {option} is of voxels: leave it out.")
 
 
@@ -273,6 +267,42 @@ def grains_of_meshes(meshes: Sequence[Path], resolution: int, unit: str | None, 
         require_cavities(cavities),
         on_failure=tell_failure if len(meshes) > 1 else None,
     )
+
+
+def bodies_of_meshes(
+    meshes: Sequence[Path], unit: str | None, cavities: str, grains: str | None, limit: int | None
+) -> list[trimesh.Trimesh]:
+    """Return the bodies of meshes, or those of these numbers; files that cannot be read are told.
+
+    Raises
+    ------
+    MbstudioError
+        If no file can be read, or there is no body of a number.
+    """
+    from mbstudio.core.meshes.bodies import bodies_of
+
+    wanted = numbers_in(grains, "--grains")
+    bodies = bodies_of(
+        meshes, unit, require_cavities(cavities), tell_failure if len(meshes) > 1 else None,
+        most=limit if wanted is None else None,
+    )  # fmt: skip
+    if wanted is None:
+        return bodies
+    for number in wanted:
+        if not 1 <= number <= len(bodies):
+            raise MbstudioError(f"There is no grain {number}: the meshes hold 1 to {len(bodies)}.")
+    return [bodies[number - 1] for number in dict.fromkeys(wanted)][:limit]
+
+
+def refuse_for_meshes(segmentation: Mapping[str, object], **options: object) -> None:
+    """Refuse options of scans that were given with meshes, where they would mean nothing."""
+    named = {"smallest_voxels": "smallest", "ranges": "threshold"}
+    given = [name for name, value in options.items() if value is not None]
+    given += [named.get(name, name) for name in segmentation]
+    if given:
+        option = "--" + given[0].replace("_", "-")
+        hint = " Give the unit of the coordinates with --unit." if given[0] == "voxel_size" else ""
+        raise MbstudioError(f"{option} is an option of scans: leave it out for meshes.{hint}")
 
 
 def require_cavities(word: str) -> Cavities:

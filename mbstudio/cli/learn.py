@@ -72,6 +72,7 @@ def learn(
         bool, typer.Option("--avatars", help="Learn from a project's avatars instead of its grains.")
     ] = False,
     unit: inputs.UnitOption = None,
+    cavities: inputs.MeshCavitiesOption = "fill",
     workers: inputs.WorkersOption = None,
     as_json: inputs.JsonOption = False,
 ) -> None:
@@ -82,6 +83,8 @@ def learn(
     from mbstudio.core.vae.models.training import StyleTraining
 
     begun = time.monotonic()
+    if inputs.require_cavities(cavities) == "keep":
+        raise StyleError("A style is learned of outer surfaces, without cavities: leave --cavities keep out.")
     _require_folder(folder)
     options: dict[str, Any] = {}
     known = None if on is None else load_style_learner(on)
@@ -128,7 +131,6 @@ def _parents(
     unit: str | None, workers: int, template: Template | None,
 ) -> Serialization:  # fmt: skip
     """Return the serialized parents of whatever was given."""
-    from mbstudio.core.vae.serialize.mesh_folder import read_parents
     from mbstudio.core.vae.serialize.serialization import load_serialization
     from mbstudio.core.vae.serialize.serializer import serialize
 
@@ -139,7 +141,8 @@ def _parents(
     meshes = inputs.meshes_among(sources)
     source = sources[0]
     if meshes is not None:
-        bodies, names = read_parents(meshes[:limit], unit, limit)
+        bodies = inputs.bodies_of_meshes(meshes, unit, "fill", grains, limit)
+        names = [str(body.metadata["name"]) for body in bodies]
     else:
         if not source.exists():
             raise MbstudioError(f"{source} does not exist: check the name and the folder.")
@@ -153,7 +156,7 @@ def _parents(
             labels = [label for label in labels if label in project.fits]
             bodies = [project.fits[label].avatar for label in labels]
         else:
-            bodies = [project.grains.grain(label) for label in labels]
+            bodies = [project.grains.body(label, fill_cavities=True) for label in labels]
         names = [f"grain {label}" for label in labels]
     if not bodies:
         raise SerializationError(f"{source} has no avatars yet: fit them first, or leave --avatars out.")

@@ -101,21 +101,20 @@ def measure(
     if parquet_file is not None:
         require_parquet()
     if meshes is not None:
-        if intervals:
-            raise MeasureError(
-                "--intervals applies to scanned grains only; a mesh is exact. Leave the option out."
-            )
+        _refuse_intervals(intervals)
         how = {"axes": axes.value, "surface": surface.value, "detail": detail, "workers": workers}
-        found = measure_meshes(meshes[:limit], unit, inputs.require_cavities(cavities), **how)
+        bodies = inputs.bodies_of_meshes(meshes, unit, cavities, grains, limit)
+        found = measure_meshes(meshes, bodies, unit, **how)
         _write(table_of_meshes(found), csv_file, parquet_file)
         tell_meshes(found, as_json)
         return
     source = inputs.one_input(sources)
     project, labels = chosen_grains(source, grains, limit)
+    _refuse_intervals(intervals and project.grains.meshes)
     populations = measure_grains(
         project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
     )
-    rows, failures = rows_of(populations), failures_of(populations)
+    rows, failures = rows_of(populations, project), failures_of(populations)
     table = table_of(populations, project)
     if intervals:
         add_intervals(rows, project, axes=axes.value, surface=surface.value, detail=detail, unit=unit)
@@ -172,6 +171,13 @@ def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[
     return project, list(dict.fromkeys(labels))[:limit]
 
 
+def _refuse_intervals(of_meshes: object) -> None:
+    if of_meshes:
+        raise MeasureError(
+            "--intervals applies to scanned grains only; a mesh is exact. Leave the option out."
+        )
+
+
 def _write(table: Any, csv_file: Path | None, parquet_file: Path | None) -> None:
     if csv_file is not None:
         write_csv(csv_file, table)
@@ -181,10 +187,14 @@ def _write(table: Any, csv_file: Path | None, parquet_file: Path | None) -> None
 
 def _print_rows(source: Path, rows: list[Row], summary: dict[str, dict[str, float | None]]) -> None:
     shown = ("volume", "sphericity", "circularity", "csf", "dns")
-    table = [[row["label"], *(_with_error(row, name) for name in shown)] for row in rows[:ROWS_ON_SCREEN]]
+    named = any("name" in row for row in rows)
+    table = [[_called(row), *(_with_error(row, name) for name in shown)] for row in rows[:ROWS_ON_SCREEN]]
     has_avatars = any("avatar" in row for row in rows)
     if table:
-        headings = ["grain", *(f"{name} (avatar)" if has_avatars else name for name in shown)]
+        headings = [
+            "grain, mesh" if named else "grain",
+            *(f"{name} (avatar)" if has_avatars else name for name in shown),
+        ]
         console.print_table(
             f"Grains of {source.name}, lengths in {rows[0]['unit']}, axes {rows[0]['axes']}", headings, table
         )
@@ -200,6 +210,10 @@ def _print_rows(source: Path, rows: list[Row], summary: dict[str, dict[str, floa
         for name, item in summary.items()
     ]
     console.print_table(f"Medians over {len(rows)} grains", ("", "grain", "avatar", "|error|"), medians)
+
+
+def _called(row: Row) -> str:
+    return f"{row['label']}, {row['name']}" if "name" in row else str(row["label"])
 
 
 def _with_error(row: Row, name: str) -> str:

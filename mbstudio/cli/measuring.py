@@ -46,17 +46,20 @@ def measure_grains(
         )
 
 
-def rows_of(populations: ProjectPopulations) -> list[Row]:
+def rows_of(populations: ProjectPopulations, project: Project) -> list[Row]:
     """Return one row a grain.
 
-    A row holds ``label``, ``unit``, ``axes`` and, where measured, ``grain`` and ``avatar`` (their factors
-    and ``warning``) and ``relative_error`` (avatar over grain, minus one).
+    A row holds ``label``, ``unit``, ``axes``, of grains of meshes their ``name``, and, where measured,
+    ``grain`` and ``avatar`` (their factors and ``warning``) and ``relative_error`` (avatar over grain,
+    minus one).
     """
     rows: list[Row] = []
     grains, avatars = populations.grains, populations.avatars
     places = {} if avatars is None else {int(label): place for place, label in enumerate(avatars.labels)}
     for place, label in enumerate(grains.labels.tolist()):
         row: Row = {"label": label, "unit": grains.unit, "axes": grains.axes}
+        if project.grains is not None and project.grains.is_of_meshes:
+            row["name"] = project.grains.name_of(label)
         if grains.measured[place]:
             row["grain"] = _body(grains, place)
         if avatars is not None and label in places and avatars.measured[places[label]]:
@@ -124,6 +127,8 @@ def table_of(populations: ProjectPopulations, project: Project) -> pd.DataFrame:
             with np.errstate(divide="ignore", invalid="ignore"):
                 errors = frame[f"avatar_{column}"] / frame[f"grain_{column}"] - 1
             frame[f"relative_error_{name}"] = errors.where(np.isfinite(errors))
+    if project.grains is not None and project.grains.is_of_meshes:
+        frame.insert(0, "name", [project.grains.name_of(int(label)) for label in frame.index])
     frame.insert(0, "axes", grains.axes)
     frame.insert(0, "unit", grains.unit)
     return frame.reset_index()

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mbstudio.cli import console, inputs
+from mbstudio.cli import console
 from mbstudio.core.errors import MeasureError
 
 if TYPE_CHECKING:
     import pandas as pd
+    import trimesh
 
-    from mbstudio.core.meshes.bodies import Cavities
     from mbstudio.core.populations import Population
 
 ROWS_ON_SCREEN = 60
@@ -22,13 +22,11 @@ _SHOWN = ("volume", "sphericity", "circularity", "csf", "dns")
 
 
 def measure_meshes(
-    meshes: Sequence[Path], unit: str | None, cavities: Cavities, **how: Any
+    meshes: Sequence[Path], bodies: Sequence[trimesh.Trimesh], unit: str | None, **how: Any
 ) -> tuple[Population, list[str]]:
-    """Return the shape factors of all bodies of meshes, and their names; those that fail are told."""
-    from mbstudio.core.meshes.bodies import bodies_of
+    """Return the shape factors of bodies of meshes, and their names; those that fail are told."""
     from mbstudio.core.populations import measure_population
 
-    bodies = bodies_of(meshes, unit, cavities, inputs.tell_failure if len(meshes) > 1 else None)
     names = [str(body.metadata["file_name"]) for body in bodies]
     title = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
     if len(bodies) == 1:

@@ -83,7 +83,7 @@ def sweep(
     from mbstudio.core.imaging.options import read_options
     from mbstudio.core.imaging.sweep import Sweep, read_sweep
 
-    options = read_options(method, option or ())  # type: ignore[arg-type]
+    options = read_options(method, [f"cavities={cavities}", *(option or ())])  # type: ignore[arg-type]
     numbers = inputs.numbers_in(n, "--n") or []
     meshes = inputs.meshes_among(sources)
     _check_outputs(meshes or sources, output, figure, error, resume)
@@ -92,13 +92,13 @@ def sweep(
     inputs.require_scan_to_crop(sources[0], crop, binning)
     scan_options = (voxel_size, shape, dtype, header_bytes, big_endian, crop, binning)
     if meshes is not None:
+        inputs.refuse_for_meshes(settings, voxel_size=voxel_size, shape=shape)
         found = inputs.grains_of_meshes(meshes, resolution, unit, cavities)
     else:
         found = _grains_of(inputs.one_input(sources), scan_options, settings)
     labels = _labels(found, inputs.numbers_in(grains, "--grains"))[:limit]
-    work = Sweep(
-        _cut_out(found, labels), numbers, method, seed, done=done, **options  # type: ignore[arg-type]
-    )  # fmt: skip
+    cut_out = _cut_out(found, labels, options.get("cavities") != "keep")
+    work = Sweep(cut_out, numbers, method, seed, done=done, **options)  # type: ignore[arg-type]
     begun = time.monotonic()
     interrupted = _drive(work, output, done, len(labels) * len(work.numbers))
     _draw(work, figure)
@@ -160,8 +160,8 @@ def _labels(grains: GrainSet, wanted: list[int] | None) -> list[int]:
     return labels
 
 
-def _cut_out(grains: GrainSet, labels: Sequence[int]) -> Iterator[Grain]:
-    return (grains.grain(label) for label in labels)
+def _cut_out(grains: GrainSet, labels: Sequence[int], fill_cavities: bool) -> Iterator[Grain]:
+    return (grains.grain(label, fill_cavities=fill_cavities) for label in labels)
 
 
 def _drive(work: Sweep, output: Path, done: Sequence[SweepRow], fits: int) -> bool:

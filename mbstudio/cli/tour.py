@@ -125,7 +125,7 @@ class _Steps:
 
         populations = measure_grains(project, sorted(project.fits), workers=self.workers)
         write_csv(self.folder / "factors.csv", table_of(populations, project))
-        for name, medians in summarise(rows_of(populations)).items():
+        for name, medians in summarise(rows_of(populations, project)).items():
             if name in ("sphericity", "circularity", "csf"):
                 self.summary[f"median_{name}"] = medians["grain"]
                 error = medians["error"]

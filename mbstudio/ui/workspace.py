@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PySide6.QtCore import QObject, QSettings, Signal
 
+from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.grains.solid_voxels import solid_as_scan
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
 from mbstudio.core.project.state import ScanIdentity
@@ -73,6 +75,7 @@ class Workspace(QObject):
         self.chosen: frozenset[int] = frozenset()
         self.clone: int | None = None
         self._scans: dict[ScanIdentity, Scan] = {}
+        self._solid: tuple[GrainSet, Scan] | None = None
         self._seen = self.project.state
         self._coalescing: str | None = None
 
@@ -97,8 +100,26 @@ class Workspace(QObject):
 
     @property
     def can_be_saved(self) -> bool:
-        """Whether there is something that a project file is worth: a scan, a style or kept grains."""
-        return self.state.scan is not None or self.state.style is not None or bool(self.state.kept)
+        """Whether there is something that a project file is worth: a scan, grains, a style or kept grains."""
+        state = self.state
+        found = (state.scan, state.grains, state.style)
+        return any(one is not None for one in found) or bool(state.kept)
+
+    @property
+    def sliced(self) -> Scan | None:
+        """What slices are cut through: the scan, or the voxels of grains that came without one."""
+        grains = self.state.grains
+        if self.state.scan is not None or grains is None:
+            self._solid = None
+            return self.scan
+        if self._solid is None or self._solid[0] is not grains:
+            self._solid = (grains, solid_as_scan(grains))
+        return self._solid[1]
+
+    @property
+    def slices_voxels(self) -> bool:
+        """Whether slices are cut through the voxels of grains that came without a scan."""
+        return self.state.scan is None and self.state.grains is not None
 
     @property
     def title(self) -> str:

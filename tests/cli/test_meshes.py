@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 import trimesh
@@ -99,3 +100,87 @@ def test_cavities_are_filled_or_kept_on_request(mbstudio, stones):
     assert json.loads(ran.out)["volume"] == pytest.approx(0.875 * ball.volume, rel=1e-6)
     assert not ran.err
     assert mbstudio("measure", "hollow.ply", "--cavities", "maybe").code == 1
+
+
+def test_a_project_of_meshes_measures_what_the_files_do(mbstudio, stones):
+    ran = mbstudio("fit", stones, "--unit", "mm", "--resolution", 20, "-n", 5, "--workers", 0)
+    assert ran.code == 0, ran.err
+    of_files = json.loads(mbstudio("measure", stones, "--unit", "mm", "--json").out)["bodies"]
+    ran = mbstudio("measure", "stones.mbs", "--json", "--csv", "a.csv")
+    of_project = json.loads(ran.out)["grains"]
+    assert [row["name"] for row in of_project] == ["s0", "s1", "s2"]
+    for one, other in zip(of_files, of_project, strict=True):
+        for factor in ("volume", "area", "sphericity", "csf"):
+            assert other["grain"][factor] == pytest.approx(one[factor], rel=1e-6)
+    assert "name" in Path("a.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert "2, s1" in mbstudio("measure", "stones.mbs").out
+    ran = mbstudio("measure", "stones.mbs", "--intervals")
+    assert ran.code == 1
+    assert "a mesh is exact" in ran.err
+    ran = mbstudio("report", "stones.mbs")
+    assert ran.code == 0, ran.err
+    page = Path("stones.html").read_text(encoding="utf-8")
+    assert "3 bodies of 3 mesh files" in page
+    assert all(name in page for name in ("s0.ply", "s1.stl", "s2.obj"))
+
+
+def test_bodies_are_chosen_by_number_in_every_command(mbstudio, stones):
+    ran = mbstudio("measure", stones, "--unit", "mm", "--grains", "3,1", "--json")
+    assert [body["name"] for body in json.loads(ran.out)["bodies"]] == ["s2.obj", "s0.ply"]
+    ran = mbstudio("measure", stones, "--unit", "mm", "--grains", "4")
+    assert ran.code == 1
+    assert "There is no grain 4: the meshes hold 1 to 3." in ran.err
+    ran = mbstudio(
+        "fit", stones, "--unit", "mm", "--resolution", 16, "-n", 3, "--grains", "3", "--workers", 0
+    )
+    assert ran.code == 0, ran.err
+    assert list(Project.open("stones.mbs").fits) == [3]
+
+
+def test_a_limit_counts_bodies_and_not_files(mbstudio, stones):
+    balls = [trimesh.creation.icosphere(subdivisions=2).apply_translation((3 * i, 0, 0)) for i in range(3)]
+    trimesh.util.concatenate(balls).export(stones / "a_pack.stl")
+    ran = mbstudio("measure", stones, "--unit", "mm", "--limit", 2, "--json")
+    assert [body["name"] for body in json.loads(ran.out)["bodies"]] == ["a_pack.stl#1", "a_pack.stl#2"]
+
+
+def test_learn_leaves_out_what_cannot_be_read_and_says_so(mbstudio, stones, broken):
+    for number in range(4):
+        ball = trimesh.creation.icosphere(subdivisions=2)
+        ball.vertices *= (1, 1 + 0.1 * number, 0.8)
+        ball.export(stones / f"t{number}.ply")
+    ran = mbstudio("learn", stones, "-o", "style", "--unit", "mm", "--preset", "pca", "-n", 5, "--json")
+    assert ran.code == 0, ran.err
+    assert json.loads(ran.out)["parents"] == 7
+    assert "left out" in ran.err
+    assert "broken.ply is not closed" in ran.err
+    ran = mbstudio("learn", stones, "-o", "other", "--unit", "mm", "--cavities", "keep")
+    assert ran.code == 1
+    assert "leave --cavities keep out" in ran.err
+
+
+@pytest.mark.filterwarnings("ignore::mbstudio.core.errors.GrainWarning")
+def test_a_sweep_keeps_the_cavities_that_it_was_told_to_keep(mbstudio, stones):
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    inner = trimesh.creation.icosphere(subdivisions=3, radius=0.6)
+    inner.invert()
+    trimesh.util.concatenate([ball, inner]).export("hollow.ply")
+    iou = {}
+    for word in ("fill", "keep"):
+        ran = mbstudio(
+            "sweep", "hollow.ply", "--unit", "mm", "--resolution", 24, "-n", "12", "--cavities", word,
+            "-o", f"{word}.csv", "--json",
+        )  # fmt: skip
+        assert ran.code == 0, ran.err
+        (row,) = json.loads(ran.out)["rows"]
+        iou[word] = row["volume_error"]
+    assert iou["fill"] != iou["keep"]
+
+
+@pytest.mark.parametrize(
+    "words", [("--voxel-size", "1 mm"), ("--splitting", "0.5"), ("--threshold", "9"), ("--shape", "1,2,3")]
+)
+def test_options_of_scans_are_refused_for_meshes(mbstudio, stones, words):
+    ran = mbstudio("fit", stones, "--unit", "mm", *words)
+    assert ran.code == 1
+    assert f"{words[0]} is an option of scans" in ran.err

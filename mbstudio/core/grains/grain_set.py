@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +12,13 @@ from jaxtyping import Int
 
 from mbstudio.core.errors import GrainError
 from mbstudio.core.grains.grain import Grain
+from mbstudio.core.grains.grain_mesh import GrainMesh
 from mbstudio.core.grains.pieces import without_cavities
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
     import pandas as pd
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +32,20 @@ class GrainSet:
     table : pandas.DataFrame
         One row a grain, in the order of its labels, with the columns ``label``, ``voxels``,
         ``volume`` (unit**3), ``z0, z1, y0, y1, x0, x1`` (bounding box in voxels, half open),
-        ``x, y, z`` (centroid in unit) and ``touches_border``; grains of mesh files also have a ``name``.
+        ``x, y, z`` (centroid in unit) and ``touches_border``; grains of mesh files also have a ``name``
+        and the ``file`` that they came from.
     voxel_size : VoxelSize
     origin : tuple of float
         Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.
+    meshes : mapping of int to GrainMesh
+        By label, the exact surfaces of grains of mesh files; empty for those of scans.
     """
 
     labels: Int[np.ndarray, "Z Y X"]
     table: pd.DataFrame
     voxel_size: VoxelSize
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    meshes: Mapping[int, GrainMesh] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def unit(self) -> str:
@@ -62,6 +69,36 @@ class GrainSet:
                 f"There is no grain {label}: the labels run from 1 to {int(self.table['label'].max())}."
             )
         return self._cut_out(self.table.iloc[int(rows[0])], fill_cavities)
+
+    def body(self, label: int, *, fill_cavities: bool = False) -> Grain | trimesh.Trimesh:
+        """Return what is to be measured: the mesh that a grain came from, else the grain of voxels.
+
+        Parameters
+        ----------
+        fill_cavities : bool
+            Whether cavities that a mesh keeps do not count: then it is the grain of voxels, filled.
+
+        Raises
+        ------
+        GrainError
+            If there is no such grain.
+        """
+        mesh = self.meshes.get(label)
+        if mesh is None or (fill_cavities and mesh.has_voids):
+            return self.grain(label)
+        return mesh.to_trimesh(self.unit)
+
+    def name_of(self, label: int) -> str:
+        """Return what a grain is called: by its file, or by its number."""
+        if not self.is_of_meshes:
+            return f"grain {label}"
+        names: list[str] = self.table.loc[self.table["label"] == label, "name"].tolist()
+        return str(names[0])
+
+    @property
+    def is_of_meshes(self) -> bool:
+        """Whether the grains are bodies of mesh files and not of a scan."""
+        return "name" in self.table
 
     @property
     def interior_labels(self) -> list[int]:

@@ -41,7 +41,7 @@ def voxelise_mesh(
     cavities: Cavities = "fill",
 ) -> MeshVoxels:
     """Return the voxels of the one body of a mesh or mesh file; see `Grain.from_mesh`."""
-    _require_resolution(resolution)
+    require_resolution(resolution)
     if isinstance(mesh, str | Path):
         bodies = read_bodies(mesh, unit, cavities)
         if len(bodies) > 1:
@@ -59,13 +59,14 @@ def voxelise_meshes(
     meshes: str | Path | Sequence[str | Path], resolution: int, unit: str | None, cavities: Cavities = "fill"
 ) -> Iterator[MeshVoxels]:
     """Yield the voxels of each body in mesh files; see `Grain.from_meshes`."""
-    _require_resolution(resolution)
+    require_resolution(resolution)
     for path in find_meshes(meshes):
         for body in read_bodies(path, unit, cavities):
             yield voxelise_body(body, resolution, body.metadata["file_name"], None, cavities)
 
 
-def _require_resolution(resolution: int) -> None:
+def require_resolution(resolution: int) -> None:
+    """Refuse a number of voxels along a body that is none."""
     if int(resolution) != resolution or not 4 <= resolution <= 2000:
         raise GrainError(
             f"resolution={resolution} is impossible: give a whole number of voxels from 4 to 2000."

@@ -34,7 +34,11 @@ _SIZES = (1e-8, 10.0)
 
 
 def read_bodies(
-    path: str | Path, unit: str | None = None, cavities: Cavities = "fill"
+    path: str | Path,
+    unit: str | None = None,
+    cavities: Cavities = "fill",
+    *,
+    assumed_unit: str | None = None,
 ) -> list[trimesh.Trimesh]:
     """Return the closed bodies of a mesh file, in the order of the file.
 
@@ -46,12 +50,15 @@ def read_bodies(
         Length unit of the coordinates; 3MF and glTF know theirs.
     cavities : {"fill", "keep"}
         What to do with voids that a body encloses: no metaball has them unless asked.
+    assumed_unit : str, optional
+        Unit of the coordinates of a file that does not know its own, if no `unit` is given.
 
     Returns
     -------
     list of trimesh.Trimesh
         Each closed and wound outwards, with its name in ``metadata["name"]`` (``stone``, or ``stone#1``,
-        ``stone#2`` where a file holds several) and its unit in ``units``, if one is known.
+        ``stone#2`` where a file holds several), its file in ``metadata["path"]`` and its unit in ``units``,
+        if one is known.
 
     Raises
     ------
@@ -86,7 +93,8 @@ def read_bodies(
         name = path.stem if len(bodies) == 1 else f"{path.stem}#{number}"
         body.metadata["name"] = name
         body.metadata["file_name"] = path.name if len(bodies) == 1 else f"{path.name}#{number}"
-        carried = stated or data.unit
+        body.metadata["path"] = str(path.absolute())
+        carried = stated or data.unit or (parse_unit(assumed_unit) if assumed_unit else None)
         if carried:
             body.units = carried
             question_size(float(np.ptp(body.vertices, axis=0).max()), carried, str(path))
@@ -98,6 +106,10 @@ def bodies_of(
     unit: str | None = None,
     cavities: Cavities = "fill",
     on_failure: OnFailure | None = None,
+    *,
+    assumed_unit: str | None = None,
+    on_read: Callable[[int, Path], None] | None = None,
+    most: int | None = None,
 ) -> list[trimesh.Trimesh]:
     """Return the closed bodies of mesh files; see `read_bodies`.
 
@@ -106,12 +118,22 @@ def bodies_of(
     on_failure : callable, optional
         ``on_failure(path, error)`` takes the errors of single files, which are left out; without it, or if
         all files fail, the error is raised.
+    assumed_unit : str, optional
+        As for `read_bodies`.
+    on_read : callable, optional
+        ``on_read(done, path)`` before each file, with how many are done; what it raises ends the work.
+    most : int, optional
+        Of so many bodies the first are returned, and further files not read.
     """
     bodies: list[trimesh.Trimesh] = []
     last: MeshError | None = None
-    for path in paths:
+    for done, path in enumerate(paths):
+        if most is not None and len(bodies) >= most:
+            break
+        if on_read is not None:
+            on_read(done, Path(path))
         try:
-            bodies += read_bodies(path, unit, cavities)
+            bodies += read_bodies(path, unit, cavities, assumed_unit=assumed_unit)
         except MeshError as error:
             if on_failure is None:
                 raise
@@ -119,7 +141,7 @@ def bodies_of(
             last = error
     if not bodies and last is not None:
         raise MeshError(f"None of the {len(paths)} files could be read; the last: {last}") from last
-    return bodies
+    return bodies[:most]
 
 
 def question_size(length: float, unit: str, source: str) -> None:

@@ -10,6 +10,17 @@ from mbstudio.core.errors import MeshError
 from mbstudio.core.meshes.endings import MESH_ENDINGS
 from mbstudio.core.meshes.reading import is_mesh_file
 
+_SLICES = (".tif", ".tiff", ".png", ".bmp", ".jpg", ".jpeg", ".dcm")
+
+
+def means_meshes(source: Path) -> bool:
+    """Return whether a file, folder or pattern stands for meshes; slices with a stray mesh do not."""
+    if source.is_dir():
+        endings = [path.suffix.lower() for path in source.iterdir() if path.is_file()]
+        meshes = sum(ending in MESH_ENDINGS for ending in endings)
+        return meshes > sum(ending in _SLICES for ending in endings)
+    return is_mesh_file(source) or (not source.exists() and glob.has_magic(str(source)))
+
 
 def find_meshes(sources: str | Path | Sequence[str | Path]) -> list[Path]:
     """Return the mesh files that are meant, each once.

@@ -162,12 +162,12 @@ def measure_together(
 
 
 def grain_makers(grains: GrainSet, labels: Sequence[int]) -> list[Callable[[], Body]]:
-    """Return what cuts each grain out of the label volume, when its turn comes."""
+    """Return what cuts each grain out of the label volume, or hands over its mesh, when its turn comes."""
     known = {int(label) for label in grains.table["label"]}
     for label in labels:
         if label not in known:
             raise GrainError(f"There is no grain {label}: the labels run from 1 to {max(known, default=0)}.")
-    return [lambda label=label: grains.grain(label) for label in labels]  # type: ignore[misc]
+    return [lambda label=label: grains.body(label) for label in labels]  # type: ignore[misc]
 
 
 def given_body(body: Body) -> Callable[[], Body]:

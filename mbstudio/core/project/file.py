@@ -1,7 +1,7 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
 The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
-it. Layout (schema 4); every text is UTF-8, nothing is pickled::
+it. Layout (schema 5); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
@@ -9,13 +9,14 @@ it. Layout (schema 4); every text is UTF-8, nothing is pickled::
     /segmentation    attributes: the settings, None as an empty attribute
     /grains/labels   label volume, compressed; attributes: voxel size, unit, origin
     /grains/table    one dataset a column; attribute: order of the columns
+    /grains/meshes   see mbstudio.core.project.mesh_table; only of grains of mesh files
     /fit_settings    attributes
     /fits            see mbstudio.core.project.fit_table
     /style, /clones  see mbstudio.core.project.style_table; only where there are some
     /kept            see mbstudio.core.project.kept_table; only where there are some
 
-Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans: a project is
-written in the lowest that holds it.
+Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans, schema 4 no
+meshes: a project is written in the lowest that holds it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.imaging.steps import Method
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.kept_table import read_kept, write_kept
+from mbstudio.core.project.mesh_table import read_meshes, write_meshes
 from mbstudio.core.project.own_files import is_own, mark_of
 from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
@@ -58,11 +60,11 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 4
+SCHEMA = 5
 _VOXELS = "scan/voxels"
 OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 """What numbers and JSON of another kind than expected lead to, wherever they are used."""
-_WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
+_WITHOUT_MESHES, _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 4, 3, 2, 1
 
 # Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
 # checksum tells of damage that the file's structure does not show.
@@ -207,8 +209,10 @@ def _accept(root: Mapping[str, Any], path: Path) -> None:
 
 def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
     # What older versions would lose unseen keeps them away; all else stays readable to them.
-    if state.scan is not None and state.scan.excerpt is not None:
+    if state.grains is not None and state.grains.meshes:
         schema = SCHEMA
+    elif state.scan is not None and state.scan.excerpt is not None:
+        schema = _WITHOUT_MESHES
     elif state.kept:
         schema = _WITHOUT_PARTS
     else:
@@ -380,6 +384,8 @@ def _write_grains(group: h5py.Group, grains: GrainSet) -> None:
             table.create_dataset(
                 str(name), data=column.astype(str).tolist(), dtype=h5py.string_dtype("utf-8")
             )
+    if grains.meshes:
+        write_meshes(group.create_group("meshes"), grains.meshes)
 
 
 def _read_grains(stored: Stored) -> GrainSet:
@@ -392,7 +398,10 @@ def _read_grains(stored: Stored) -> GrainSet:
     table = _read_table(stored.group("table"))
     _check_table(table, labels.shape)
     labels.flags.writeable = False
-    return GrainSet(labels, table, size, origin)
+    meshes = read_meshes(stored.group("meshes")) if "meshes" in stored else MappingProxyType({})
+    if not set(meshes) <= set(table["label"].tolist()):
+        raise ContentError("grains/meshes holds meshes of grains that there are not")
+    return GrainSet(labels, table, size, origin, meshes)
 
 
 def _read_table(stored: Stored) -> pd.DataFrame:

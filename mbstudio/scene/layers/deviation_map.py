@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyvista as pv
 
+from mbstudio.core.grains.grain import Grain
 from mbstudio.core.imaging.goals.deviation import Deviation, deviation
+from mbstudio.core.meshes.edges import weld_equal
+from mbstudio.core.metrics.surface_distance import VerticesFaces
 from mbstudio.core.translation import mark
 from mbstudio.scene.layers.colour_scale import ColourScale, diverging_colours, readable_unit, round_range
 from mbstudio.scene.layers.layer import Layer, Stage
@@ -18,10 +21,12 @@ from mbstudio.scene.surfaces import Surface, avatar_surface
 from mbstudio.scene.theme import SceneTheme
 
 if TYPE_CHECKING:
-    from mbstudio.core.grains import Grain
+    import trimesh
+
     from mbstudio.core.metaball import Avatar
 
 _SHOWN = 99.5  # percentile of the distances that the colours reach to
+_EDGES = 40  # of the triangles of a mesh along its longest side, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,20 +37,33 @@ class DeviationSurface:
     deviation: Deviation
 
 
-def deviation_surface(avatar: Avatar, grain: Grain, cells: int = 72) -> DeviationSurface:
+def deviation_surface(avatar: Avatar, grain: Grain | trimesh.Trimesh, cells: int = 72) -> DeviationSurface:
     """Return the avatar's surface with its distances to the grain's; may run in a worker thread.
 
     Parameters
     ----------
     avatar : Avatar
         In the grain's frame and unit.
-    grain : Grain
+    grain : Grain or trimesh.Trimesh
     cells : int
         Along the avatar's longest side.
     """
-    surface, mesh = avatar_surface(avatar, cells), grain.surface_mesh()
-    reference = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
-    return DeviationSurface(surface, deviation((surface.points, surface.triangles), reference, grain.unit))
+    surface = avatar_surface(avatar, cells)
+    if isinstance(grain, Grain):
+        mesh = grain.surface_mesh()
+        reference = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
+    else:
+        reference = _in_small_triangles(grain)
+    return DeviationSurface(surface, deviation((surface.points, surface.triangles), reference, avatar.unit))
+
+
+def _in_small_triangles(mesh: trimesh.Trimesh) -> VerticesFaces:
+    """Return the same surface in triangles small against the body, as distances to it are asked of."""
+    from trimesh.remesh import subdivide_to_size
+
+    longest = float(np.ptp(np.asarray(mesh.bounds), axis=0).max()) / _EDGES
+    points, faces = subdivide_to_size(np.asarray(mesh.vertices), np.asarray(mesh.faces), longest, max_iter=30)
+    return weld_equal(np.asarray(points, dtype=float), np.asarray(faces))
 
 
 class DeviationMap(Layer[DeviationSurface]):

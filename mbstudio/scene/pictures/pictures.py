@@ -12,14 +12,13 @@ import pyvista as pv
 from jaxtyping import UInt8
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.scene.grain_surfaces import overview_of_grains, surface_of_grain
 from mbstudio.scene.pictures.figures import convergence_figure, slices_figure
 from mbstudio.scene.scene import Scene
 from mbstudio.scene.surfaces import (
     avatar_surface,
     avatars_surface,
     control_points,
-    grain_surface,
-    label_surface,
 )
 
 if TYPE_CHECKING:
@@ -58,7 +57,8 @@ def render_tour(project: Project, folder: Path) -> list[Path]:
     if scan is not None:
         drawn.append(("scan", lambda scene: scene.set_scan(scan)))
     if grains is not None:
-        drawn.append(("grains", lambda scene: scene.layers.grains.set(label_surface(grains), grains.unit)))
+        overview = overview_of_grains(grains, 200, 500_000)
+        drawn.append(("grains", lambda scene: scene.layers.grains.set(overview, grains.unit)))
     if project.fits:
         avatars = project.avatars
         surface, unit = avatars_surface(avatars), avatars[0].unit
@@ -89,7 +89,7 @@ def render_grain_and_avatar(
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Return a grain, its avatar with the control points shining through, and both, from one camera."""
     assert project.grains is not None
-    grain, avatar = project.grains.grain(label), project.fits[label].avatar
+    avatar = project.fits[label].avatar
     plotter = pv.Plotter(off_screen=True, window_size=list(size))
     shown: list[tuple[set[str], dict[str, float]]] = [
         ({"grain"}, {"grain": 1.0}),
@@ -99,7 +99,7 @@ def render_grain_and_avatar(
     images = []
     try:
         scene = Scene(plotter)
-        scene.layers.grain.set(grain_surface(grain), grain.unit)
+        scene.layers.grain.set(surface_of_grain(project.grains, label), project.grains.unit)
         scene.layers.avatar.set(avatar_surface(avatar), avatar.unit)
         scene.layers.points.set(control_points(avatar))
         scene.look_from("isometric")

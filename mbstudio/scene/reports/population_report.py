@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +30,7 @@ from mbstudio.scene.figures.population_style import readable_scale, select_measu
 from mbstudio.scene.reports.report_page import facts, heading, page, paragraph, picture, table
 
 if TYPE_CHECKING:
+    from mbstudio.core.grains import GrainSet
     from mbstudio.core.project import Project
 
 _SURFACES = {
@@ -94,6 +95,7 @@ def write_report(
         parts.append(part)
         report(0.1 + 0.14 * (place + 1), "figures")
     parts += _list_troubles(project, populations)
+    parts += _list_files(project, populations)
     lead = f"Shape and size of {_count_bodies(populations)} · mbstudio {mbstudio.__version__}"
     with replacing(path) as temporary:
         temporary.write_text(page(f"Report on {name}", lead, parts), encoding="utf-8")
@@ -128,7 +130,7 @@ def _describe_measuring(project: Project, populations: ProjectPopulations) -> di
         "Project": "not saved" if project.path is None else project.path.name,
         **_describe_scan(project),
         "Voxel size": str(project.grains.voxel_size),
-        "Grains": f"{len(project.grains)} in the scan, {len(grains)} chosen, "
+        "Grains": f"{_describe_source(project.grains)}, {len(grains)} chosen, "
         f"{int(grains.measured.sum())} measured"
         + (f"; {cut} of the chosen are cut off by the scan's border" if cut else ""),
     }
@@ -147,6 +149,26 @@ def _describe_measuring(project: Project, populations: ProjectPopulations) -> di
         "Weighting": "by number of bodies, unless 'by mass' is said (volume at one density)",
         "Avatars that are not valid": "are measured and compared like the others where they are one body",
     }
+
+
+def _describe_source(grains: GrainSet) -> str:
+    if "file" not in grains.table:
+        return f"{len(grains)} in the scan"
+    return f"{len(grains)} bodies of {grains.table['file'].nunique()} mesh files"
+
+
+def _list_files(project: Project, populations: ProjectPopulations) -> list[str]:
+    """Return which grain came from which mesh file, for grains of meshes."""
+    assert project.grains is not None
+    known = project.grains.table
+    if "file" not in known:
+        return []
+    names = dict(zip(known["label"].tolist(), zip(known["name"], known["file"], strict=True), strict=True))
+    rows = []
+    for label in populations.grains.labels.tolist():
+        name, file = names[label]
+        rows.append([str(label), str(name), PureWindowsPath(str(file)).name])  # knows both slashes
+    return [heading("Files"), table(["grain", "name", "file"], rows, words=True)]
 
 
 def _factor_tables(populations: ProjectPopulations) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import TracebackType
@@ -49,15 +49,17 @@ def make_settings() -> QSettings:
     return QSettings(QSettings.Format.IniFormat, QSettings.Scope.UserScope, "mbstudio", "mbstudio")
 
 
-def run(project_path: str | Path | None = None, scan: str | Path | None = None, sample: bool = False) -> int:
+def run(
+    project_path: str | Path | None = None, files: Sequence[str | Path] = (), sample: bool = False
+) -> int:
     """Open the window and return once it is closed.
 
     Parameters
     ----------
     project_path : str or Path, optional
         Project to open.
-    scan : str or Path, optional
-        Scan to open; the window asks for its voxel size if the file does not say it.
+    files : sequence of str or Path
+        A scan, a project or meshes to open; the window asks for what the files do not say.
     sample : bool
         Whether to begin with the sample scan.
 
@@ -83,8 +85,8 @@ def run(project_path: str | Path | None = None, scan: str | Path | None = None, 
     def begin() -> None:
         if project_path is not None:
             window.project_files.open_path(Path(project_path))
-        elif scan is not None:
-            window.project_files.open_path(Path(scan))
+        elif files:
+            window.project_files.open_paths([Path(file) for file in files])
         elif sample:
             window.commands.run("scan.sample")
         window.shell.begin()

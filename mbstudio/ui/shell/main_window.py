@@ -216,6 +216,7 @@ class MainWindow(QMainWindow):
             (self.welcome.open_button, "scan.open"),
             (self.welcome.sample_button, "scan.sample"),
             (self.welcome.project_button, "project.open"),
+            (self.welcome.meshes_button, "grains.open_meshes"),
         ):
             self.commands.bind(button, command)
         self._show_recent()
@@ -296,10 +297,7 @@ class MainWindow(QMainWindow):
     def dropEvent(self, event: QDropEvent) -> None:
         paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
         event.acceptProposedAction()
-        if len(paths) != 1:
-            self.messages.say("warning", tr("Drop one file or one folder of slices at a time."))
-        else:
-            self.project_files.open_path(paths[0])
+        self.project_files.open_paths(paths)
 
     # ---- closing -----------------------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +55,17 @@ class ProjectFiles(QObject):
 
     def open_path(self, path: Path) -> None:
         """Open a project, or let a station open what it is."""
-        if path.suffix.lower() == ".mbs":
-            self.leave_project(lambda: self._work.open(path))
-        else:
-            self._stations.open(path)
+        self.open_paths([path])
+
+    def open_paths(self, paths: Sequence[Path]) -> None:
+        """Open a project, or let a station open what was given together."""
+        if len(paths) == 1 and paths[0].suffix.lower() == ".mbs":
+            self.leave_project(lambda: self._work.open(paths[0]))
+        elif paths and not self._stations.open(paths):
+            self._studio.say(
+                "warning",
+                tr("Open one scan, folder of slices or project at a time; of meshes, as many as you like."),
+            )
 
     def new_project(self) -> None:
         """Begin anew."""

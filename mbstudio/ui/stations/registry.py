@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,6 @@ class Stations(QObject):
         self.current.enter()
         self._studio.refresh()
 
-    def open(self, path: Path) -> bool:
-        """Open a file or folder with the station that knows it; return whether one does."""
-        return any(station.open(path) for station in self)
+    def open(self, paths: Sequence[Path]) -> bool:
+        """Open files or folders with the station that knows them; return whether one does."""
+        return any(station.open(paths) for station in self)

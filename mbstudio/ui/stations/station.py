@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
@@ -133,8 +133,8 @@ class Station(QObject):
         """What undo and redo mean here; None: the changes of the project."""
         return None
 
-    def open(self, path: Path) -> bool:
-        """Open a file or folder; return whether it is one for this station."""
+    def open(self, paths: Sequence[Path]) -> bool:
+        """Open files or folders that were given together; return whether they are for this station."""
         return False
 
     def project_opened(self) -> None:

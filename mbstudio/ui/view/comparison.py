@@ -8,8 +8,9 @@ import numpy as np
 from PySide6.QtCore import QObject
 
 from mbstudio.core.units import conversion_factor
+from mbstudio.scene.grain_surfaces import surface_of_grain
 from mbstudio.scene.layers.side_by_side import Column
-from mbstudio.scene.surfaces import avatar_surface, grain_surface
+from mbstudio.scene.surfaces import avatar_surface
 from mbstudio.ui.language import tr
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.live_avatar import LiveAvatar
@@ -86,9 +87,9 @@ class Comparison(QObject):
         if len(wanted) == len(self._built) and all(a is b for a, b in zip(wanted, self._built, strict=True)):
             return
         self._built = wanted
-        grain = grains.grain(label) if grains is not None and label is not None else None
         clone = clones.clones.avatar(number - 1) if clones is not None and number is not None else None
-        unit = grain.unit if grain is not None else clone.unit if clone is not None else "um"
+        here = grains is not None and label is not None
+        unit = grains.unit if here else clone.unit if clone is not None else "um"  # type: ignore[union-attr]
 
         def make() -> list[Column]:
             surface = None if clone is None else avatar_surface(clone, 64)
@@ -98,7 +99,7 @@ class Comparison(QObject):
             return [
                 Column(
                     tr("Grain") if label is None else tr("Grain {label}", label=label),
-                    None if grain is None else grain_surface(grain),
+                    None if grains is None or label is None else surface_of_grain(grains, label),
                     "grain",
                     tr("No grain is selected."),
                 ),

@@ -5,17 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QObject, QSize, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal
 from PySide6.QtGui import QGuiApplication
 
-from mbstudio.scene import Scene, View
+from mbstudio.scene import Scene, View, camera
 from mbstudio.scene.layers.slices import AXES, Axis
 from mbstudio.scene.tray_camera import TrayCamera
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.display import Display
 from mbstudio.ui.view.live_avatar import LiveAvatar
 from mbstudio.ui.view.view_surfaces import ViewSurfaces
 
+SOLID_WINDOW = (0.0, 1.6)
+"""Grey values shown black and white in slices of voxels: grains are light grey, their outlines coloured."""
 SEEN_THROUGH: tuple[str, ...] = ("grain", "avatar")
 """Layers that a station can make transparent."""
 
@@ -70,6 +73,9 @@ class SceneView(QObject):
         self.picking = True
         self.part: dict[Axis, tuple[int, int]] | None = None
         self._focus: object = None
+        self._sliced: object = None
+        self._placed: tuple[Any, ...] | None = None
+        self._deferred = DeferredCalls(self)
         self._tray = TrayCamera(self.scene)
         self.surfaces.factors_ready.connect(self.factors_ready)
         self.surfaces.taken.connect(self.arrange)
@@ -81,6 +87,7 @@ class SceneView(QObject):
         viewport.clicked.connect(self._clicked)
         viewport.scaled.connect(self.scene.set_pixel_ratio)
         viewport.moving.connect(self._camera_moving)
+        viewport.installEventFilter(self)
 
     # ---- what the window asks ------------------------------------------------------------------
 
@@ -198,30 +205,71 @@ class SceneView(QObject):
         self.draw()
 
     def _scan_changed(self) -> None:
-        scan = self.workspace.scan
+        self._cut_slices()
+        self._outline_grains()
+        self._cut_through(self.workspace.selected or self._middle_grain())
+        self._focus = None
+        self.arrange(self._first_view())
+
+    def _first_view(self) -> View:
+        """Return from where to look at what is new: bodies of several files are read like a page."""
+        grains = self.workspace.state.grains
+        side_by_side = self.workspace.slices_voxels and grains is not None and grains.is_of_meshes
+        return "top" if side_by_side and grains is not None and len(grains) > 1 else "isometric"
+
+    def _cut_slices(self) -> None:
+        """Cut the slices through the scan, or through the voxels of grains without one."""
+        scan = self._sliced = self.workspace.sliced
         self.scene.set_scan(scan)
+        if self.workspace.slices_voxels:
+            self.scene.set_window(*SOLID_WINDOW)
         if scan is not None and self.is_shown("volume"):
             self.surfaces.build_volume()
-        self._outline_grains()
-        self._focus = None
-        self.arrange(view="isometric")
 
     def _grains_changed(self) -> None:
+        view: View | None = None
+        if self.workspace.sliced is not self._sliced:
+            self._cut_slices()
+            view = self._first_view()
         self.surfaces.build_grains()
         self._outline_grains()
+        if view is not None:
+            self._cut_through(self.workspace.selected or self._middle_grain())
         self.surfaces.build_chosen()
-        self.arrange()
+        self.arrange(view)
+
+    def _middle_grain(self) -> int | None:
+        """Return the grain nearest to the middle of all."""
+        grains = self.workspace.state.grains
+        if grains is None or not len(grains):
+            return None
+        away = grains.table[["x", "y", "z"]].to_numpy()
+        middle = (away.min(axis=0) + away.max(axis=0)) / 2
+        return int(grains.table["label"].iloc[int(((away - middle) ** 2).sum(axis=1).argmin())])
 
     def _outline_grains(self) -> None:
-        grains, scan = self.workspace.state.grains, self.workspace.scan
+        grains, scan = self.workspace.state.grains, self.workspace.sliced
         slices = self.scene.layers.slices.planes
         if slices is not None and scan is not None:
             fitting = grains is not None and grains.labels.shape == scan.shape
             slices.set_labels(grains.labels if grains is not None and fitting else None)
         self.slices_changed.emit()
 
+    def _cut_through(self, label: int | None) -> None:
+        """Cut slices through voxels, where there is no scan, through the middle of a grain."""
+        grains, slices = self.workspace.state.grains, self.scene.layers.slices.planes
+        if not self.workspace.slices_voxels or grains is None or slices is None or label is None:
+            return
+        rows = grains.table.loc[grains.table["label"] == label]
+        if len(rows):  # else of the grains before
+            row = rows.iloc[0]
+            for axis in AXES:
+                slices.move(axis, int(row[f"{axis}0"] + row[f"{axis}1"]) // 2)
+            self.slices_changed.emit()
+
     def _selection_changed(self) -> None:
         self.scene.select(self.workspace.selected, self.workspace.chosen)
+        self._cut_through(self.workspace.selected)
         self.surfaces.build_others()
         self._build_chosen()
         self.arrange()
@@ -271,6 +319,20 @@ class SceneView(QObject):
         if self._tray.refit():
             self.draw()
 
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize and self.workspace.slices_voxels:
+            # Once the view has taken its new size.
+            self._deferred.call(self._refit)
+        return super().eventFilter(watched, event)
+
+    def _refit(self) -> None:
+        """Fit stones that lie side by side into a view of another size, if nobody has turned it."""
+        renderer = self.scene.plotter.renderer
+        if self.workspace.slices_voxels and camera.pose(renderer) == self._placed:
+            self.scene.fit()
+            self._placed = camera.pose(renderer)
+            self.draw()
+
     # ---- arranging -------------------------------------------------------------------------------
 
     def arrange(self, view: View | None = None) -> None:
@@ -294,6 +356,7 @@ class SceneView(QObject):
                 self.scene.look_from(view)
             else:
                 self.scene.fit()
+            self._placed = camera.pose(self.scene.plotter.renderer)
         self.arranged.emit()
         self.draw()
 

@@ -100,7 +100,7 @@ class SliceViews(QObject):
 
     def refresh(self) -> None:
         """Show the slices as they are."""
-        slices, scan = self._view.scene.layers.slices.planes, self._studio.workspace.scan
+        slices, scan = self._view.scene.layers.slices.planes, self._studio.workspace.sliced
         for plane, across in PLANES:
             pane = self._panes[across]
             if slices is None or scan is None:
@@ -169,7 +169,7 @@ class SliceViews(QObject):
             self._tell(slices.voxel_at(point))
 
     def _tell(self, voxel: tuple[int, int, int]) -> None:
-        scan, grains = self._studio.workspace.scan, self._studio.workspace.state.grains
+        scan, grains = self._studio.workspace.sliced, self._studio.workspace.state.grains
         if scan is None:
             return
         x, y, z = (int(np.clip(v, 0, n - 1)) for v, n in zip(voxel, scan.shape[::-1], strict=True))
@@ -179,8 +179,12 @@ class SliceViews(QObject):
                 AXES, np.array(scan.origin) + np.array(scan.voxel_size.xyz) * (x, y, z), strict=True
             )
         )
-        words = [*places, tr("grey {value:.6g}", value=scan.voxels[z, y, x])]
+        words = [*places]
+        if not self._studio.workspace.slices_voxels:
+            words.append(tr("grey {value:.6g}", value=scan.voxels[z, y, x]))
         if grains is not None and grains.labels.shape == scan.shape:
             label = int(grains.labels[z, y, x])
             words.append(tr("grain {label}", label=label) if label else tr("no grain"))
+            if label and grains.is_of_meshes:
+                words.append(grains.name_of(label))
         self.readout.setText("   ".join(words))

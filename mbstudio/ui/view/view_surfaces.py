@@ -11,6 +11,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.imaging import FitResult
 from mbstudio.core.metrics import ShapeFactors, measure
 from mbstudio.scene import Scene
+from mbstudio.scene.grain_surfaces import MOST_OF_ONE, overview_of_grains, surface_of_grain
 from mbstudio.scene.layers.deviation_map import deviation_surface
 from mbstudio.scene.layers.volume import largest_texture, volume_voxels
 from mbstudio.scene.surfaces import (
@@ -18,8 +19,6 @@ from mbstudio.scene.surfaces import (
     avatar_surface,
     avatars_surface,
     control_points,
-    grain_surface,
-    label_surface,
 )
 from mbstudio.ui.language import tr
 from mbstudio.ui.workers import Task, TaskQueue
@@ -27,6 +26,8 @@ from mbstudio.ui.workspace import Workspace
 
 # Longest side in voxels of overview and volume: what software renders in a fraction of a second.
 DETAIL = {"OpenGL": (320, 384), "software": (140, 160)}
+# Triangles of the meshes of all grains, and of one.
+TRIANGLES = {"OpenGL": (1_500_000, MOST_OF_ONE), "software": (200_000, 150_000)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,7 @@ class ViewSurfaces(QObject):
         self._workspace, self._queue, self._scene = workspace, queue, scene
         self.live_label: Callable[[], int | None] = lambda: None
         self._overview, self._volume = DETAIL[kind]
+        self._most, self._most_of_one = TRIANGLES[kind]
         self._factors: dict[int, ShapeFactors] = {}
         self._shown_grain: int | None = None
         self._deviating: tuple[object, object] | None = None
@@ -85,14 +87,14 @@ class ViewSurfaces(QObject):
             self._build(
                 "grains",
                 tr("Drawing the grains"),
-                lambda: label_surface(grains, self._overview),
+                lambda: overview_of_grains(grains, self._overview, self._most),
                 lambda surface: self._scene.layers.grains.set(surface, grains.unit),
                 lambda: grains is self._workspace.state.grains,
             )
 
     def build_volume(self) -> None:
-        """Build the scan as a cloud, if it is not there."""
-        scan = self._workspace.scan
+        """Build the scan, or what is cut in its place, as a cloud, if it is not there."""
+        scan = self._workspace.sliced
         if scan is not None and not self._scene.layers.volume.holds_something:
             most = largest_texture(self._scene.plotter.render_window)
             longest = min(self._volume, most) if most else self._volume
@@ -101,7 +103,7 @@ class ViewSurfaces(QObject):
                 tr("Drawing the volume"),
                 lambda: volume_voxels(scan, longest),
                 self._scene.layers.volume.set,
-                lambda: scan is self._workspace.scan,
+                lambda: scan is self._workspace.sliced,
             )
 
     def build_chosen(self) -> None:
@@ -121,11 +123,10 @@ class ViewSurfaces(QObject):
         known = self._factors.get(label)
 
         def make() -> _Chosen:
-            grain = grains.grain(label)
             return _Chosen(
-                grain_surface(grain),
+                surface_of_grain(grains, label, self._most_of_one),
                 *_drawn_avatar(fit),
-                known or measure(grain),
+                known or measure(grains.body(label)),
                 _factors_or_none(fit),
             )
 
@@ -165,7 +166,7 @@ class ViewSurfaces(QObject):
         self._build(
             "deviation",
             tr("Drawing the deviation"),
-            lambda: deviation_surface(fit.avatar, grains.grain(label)),
+            lambda: deviation_surface(fit.avatar, grains.body(label)),
             self._scene.layers.deviation.set,
             lambda: self._deviating is wanted,
         )
@@ -184,7 +185,7 @@ class ViewSurfaces(QObject):
             self._build(
                 "chosen",
                 tr("Drawing chosen grains"),
-                lambda: label_surface(grains, self._overview, wanted),
+                lambda: overview_of_grains(grains, self._overview, self._most, wanted),
                 self._scene.layers.grains.set_chosen,
                 lambda: grains is space.state.grains and wanted == space.chosen - {space.selected},
             )

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from mbstudio.core.errors import GrainWarning, MeshError, UnitError
-from mbstudio.core.grains import Grain
+from mbstudio.core.errors import Cancelled, GrainError, GrainWarning, MeshError, UnitError
+from mbstudio.core.grains import Grain, mesh_set
 from mbstudio.core.grains.mesh_set import grain_set_from_meshes
+from mbstudio.core.grains.solid_voxels import solid_as_scan
 from mbstudio.core.project import Project
+from mbstudio.core.project.measuring import measure_project
 
 
 @pytest.fixture
@@ -115,3 +117,99 @@ def test_what_cannot_be_read_is_told_by_name(stones, tmp_path):
     for nothing in (tmp_path / "empty", str(tmp_path / "*.ply")):
         with pytest.raises(MeshError, match="no meshes"):
             Grain.from_meshes(nothing, unit="mm")
+
+
+@pytest.fixture
+def three(stones):
+    """Three ellipsoids of different sizes from a PLY, an STL and an OBJ."""
+    return grain_set_from_meshes(sorted(stones.glob("stone[0-2].*")), 30, "mm")
+
+
+def test_exact_surfaces_lie_where_the_voxels_do(three, stones):
+    assert sorted(three.meshes) == [1, 2, 3]
+    for label, volume in zip((1, 2, 3), true_volumes(), strict=False):
+        mesh, grain = three.meshes[label].to_trimesh("mm"), three.grain(label)
+        assert mesh.volume == pytest.approx(volume, rel=1e-6)
+        np.testing.assert_allclose(mesh.center_mass, grain.centroid, atol=0.3 * grain.voxel_size.x)
+        measured = three.body(label)
+        assert isinstance(measured, trimesh.Trimesh)
+        assert measured.units == "mm"
+    assert [name.rpartition("/")[2] for name in three.table["file"]] == [
+        "stone0.ply", "stone1.stl", "stone2.obj",
+    ]  # fmt: skip
+    assert three.name_of(2) == "stone1"
+
+
+def test_a_project_measures_the_meshes_themselves(three):
+    project = Project.new()
+    project.change("Open meshes", grains=three)
+    found = measure_project(project, workers=0).grains
+    assert found.surface == "mesh"
+    np.testing.assert_allclose(found.factors["volume"], true_volumes()[:3], rtol=1e-6)
+
+
+def test_the_first_file_lies_at_the_upper_left(three):
+    places = three.table[["x", "y"]].to_numpy()
+    assert places[:, 0].argmin() in (0, int(places[:, 1].argmin()))
+    assert places[0, 1] == places[:, 1].max()
+
+
+def test_bodies_of_one_file_keep_their_surfaces_in_place(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    bodies = [ball.copy().apply_translation(place) for place in ((10.3, 0, 0), (13, 1, 0.7))]
+    trimesh.util.concatenate(bodies).export(tmp_path / "pack.stl")
+    found = grain_set_from_meshes(tmp_path / "pack.stl", 20, "mm")
+    np.testing.assert_allclose(found.meshes[2].to_trimesh("mm").center_mass, (13, 1, 0.7), atol=1e-6)
+    bodies[0].export(tmp_path / "one.stl")
+    alone = grain_set_from_meshes(tmp_path / "one.stl", 20, "mm")
+    np.testing.assert_allclose(alone.meshes[1].to_trimesh("mm").center_mass, (10.3, 0, 0), atol=1e-6)
+
+
+def test_a_unit_is_assumed_where_a_file_knows_none(stones):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = grain_set_from_meshes([stones / "stone0.ply", stones / "stone4.glb"], 12, assumed_unit="m")
+    assert found.unit == "m"
+    with pytest.warns(GrainWarning, match="less than 6 voxels"):
+        mixed = grain_set_from_meshes([stones / "stone0.ply", stones / "stone4.glb"], 12, assumed_unit="cm")
+    assert mixed.grain(2).volume / mixed.grain(1).volume == pytest.approx(1e6 * 0.6**3, rel=0.2)
+
+
+def test_progress_is_told_file_by_file_and_can_end_the_work(stones):
+    told = []
+    files = sorted(stones.glob("stone[0-2].*"))
+    grain_set_from_meshes(files, 12, "mm", progress=lambda share, name: told.append((share, name)))
+    assert [share for share, _ in told] == sorted(share for share, _ in told)
+    assert {name for _, name in told} == {"stone0.ply", "stone1.stl", "stone2.obj"}
+
+    def cancel(share, name):
+        if name == "stone1.stl":
+            raise Cancelled("enough")
+
+    with pytest.raises(Cancelled):
+        grain_set_from_meshes(files, 12, "mm", progress=cancel)
+
+
+def test_a_resolution_that_takes_too_much_memory_is_lowered_and_told(stones, monkeypatch):
+    monkeypatch.setattr(mesh_set, "_MOST_VOXELS", 200_000)
+    with pytest.warns(GrainWarning, match="more memory than there should be") as told:
+        found = grain_set_from_meshes(sorted(stones.glob("stone[0-2].*")), 60, "mm")
+    assert found.labels.size <= 240_000
+    assert any("voxels along a body" in str(one.message) for one in told)
+    with pytest.raises(GrainError, match="resolution=3 is impossible"):
+        grain_set_from_meshes(stones / "stone0.ply", 3, "mm")
+
+
+def test_too_many_triangles_leave_the_voxels(stones, monkeypatch):
+    monkeypatch.setattr(mesh_set, "MOST_KEPT", 1000)
+    with pytest.warns(GrainWarning, match="shown and measured as voxels"):
+        found = grain_set_from_meshes(sorted(stones.glob("stone[0-2].*")), 20, "mm")
+    assert not found.meshes
+    assert isinstance(found.body(1), Grain)
+
+
+def test_voxels_of_grains_are_cut_like_a_scan(three):
+    scan = solid_as_scan(three)
+    np.testing.assert_array_equal(scan.load(), three.labels > 0)
+    np.testing.assert_array_equal(scan.voxels[5, 2:9], three.labels[5, 2:9] > 0)
+    assert (scan.shape, scan.voxel_size) == (three.labels.shape, three.voxel_size)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbstudio.core.errors import SerializationError
-from mbstudio.core.meshes.bodies import bodies_of
+from mbstudio.core.meshes.bodies import OnFailure, bodies_of
 from mbstudio.core.meshes.listing import find_meshes
 
 if TYPE_CHECKING:
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def read_parents(
-    sources: str | Path | Sequence[str | Path], unit: str | None = None, limit: int | None = None
+    sources: str | Path | Sequence[str | Path],
+    unit: str | None = None,
+    limit: int | None = None,
+    on_failure: OnFailure | None = None,
 ) -> tuple[list[trimesh.Trimesh], list[str]]:
     """Return the bodies of mesh files and their names, cavities filled.
 
@@ -27,13 +30,15 @@ def read_parents(
         Of the coordinates, where the files do not know it.
     limit : int, optional
         At most this many bodies.
+    on_failure : callable, optional
+        As for `bodies_of`.
 
     Raises
     ------
     MeshError
         If a folder holds no meshes, or a file cannot be read.
     """
-    bodies = bodies_of(find_meshes(sources), unit)[:limit]
+    bodies = bodies_of(find_meshes(sources), unit, on_failure=on_failure, most=limit)
     return bodies, [str(body.metadata["name"]) for body in bodies]
 
 

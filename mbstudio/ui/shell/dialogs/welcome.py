@@ -25,6 +25,7 @@ class Welcome(QFrame):
         picture.setPixmap(application_icon().pixmap(88, 88))
         self.open_button = primary_button(tr("Open a scan…"))
         self.sample_button = QPushButton(tr("Try the sample"))
+        self.meshes_button = QPushButton(tr("Open meshes…"))
         self.project_button = QPushButton(tr("Open a project…"))
         content = QWidget()
         content.setMaximumWidth(600)
@@ -37,8 +38,8 @@ class Welcome(QFrame):
             label(
                 tr(
                     "Open a stack of X-ray CT slices, find its grains, fit a metaball avatar to each, and "
-                    "hand them to your DEM engine. You can also drop a file or a folder of slices onto "
-                    "this window."
+                    "hand them to your DEM engine. You can also drop a file, a folder of slices or the "
+                    "meshes of scanned stones onto this window."
                 ),
                 "subtitle",
                 wrap=True,
@@ -47,7 +48,7 @@ class Welcome(QFrame):
         layout.addSpacing(8)
         buttons = QHBoxLayout()
         buttons.setSpacing(10)
-        for button in (self.open_button, self.sample_button, self.project_button):
+        for button in (self.open_button, self.sample_button, self.meshes_button, self.project_button):
             buttons.addWidget(button)
         buttons.addStretch(1)
         layout.addLayout(buttons)

@@ -261,6 +261,8 @@ class FitPanel(Panel):
                 facts = tr(
                     "{facts}. The edge of the scan cuts this grain, so its true shape is unknown", facts=facts
                 )
+            if grains.is_of_meshes:
+                facts = f"{grains.name_of(label_)} · {facts}"
             self._facts.setText(facts)
         running = self._work.run.is_running
         self.fit_button.setVisible(not running)
@@ -317,6 +319,9 @@ class FitPanel(Panel):
             self._show_intervals_button()
 
     def _show_intervals_button(self) -> None:
+        grains = self._workspace.state.grains
+        exact = grains is not None and self._workspace.selected in grains.meshes
+        self.intervals_button.setVisible(not exact)
         self.intervals_button.setEnabled(self.factors.has_grain)
         on = self.factors.has_intervals
         self.intervals_button.setText(tr("Factors of the grain") if on else tr("Intervals of the grain"))

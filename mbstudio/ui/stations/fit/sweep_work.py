@@ -53,6 +53,7 @@ class SweepWork(Work):
         if grains is None or self.run.is_running or not labels:
             return None
         chosen = [int(label) for label in labels]
+        fills = settings.options.get("cavities") != "keep"
         found: list[SweepRow] = []
         known = list(self._known)
 
@@ -61,8 +62,8 @@ class SweepWork(Work):
                 control.checkpoint()  # pause and cancel also within a fit
 
             sweep = Sweep(
-                (grains.grain(label) for label in chosen), wanted, settings.method, settings.seed,
-                done=known, on_step=step, **settings.options,
+                (grains.grain(label, fill_cavities=fills) for label in chosen), wanted, settings.method,
+                settings.seed, done=known, on_step=step, **settings.options,
             )  # fmt: skip
             for row in sweep:
                 found[:] = sweep.rows

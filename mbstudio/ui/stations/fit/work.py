@@ -121,7 +121,9 @@ class FitWork(Work):
         if grains is None or self.run.is_running:
             return None
         settings = self.workspace.state.fit_settings
-        fitting = _Fitting(label, grains.grain(label), settings.n, settings.target)
+        fills = settings.options.get("cavities") != "keep"
+        grain = grains.grain(label, fill_cavities=fills)
+        fitting = _Fitting(label, grain, settings.n, settings.target)
         self._fitting = fitting
         waits = self.shows_spheres and not settings.target
 

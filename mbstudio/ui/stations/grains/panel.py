@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -14,9 +16,11 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.core.formulas import nominal_diameters
+from mbstudio.core.grains import GrainSet
 from mbstudio.core.grains.grey_ranges import read_ranges, write_ranges
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.units import unit_label
+from mbstudio.scene.layers.annotations import readable_length
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.theme import Theme
@@ -75,7 +79,11 @@ class GrainPanel(Panel):
         self.smallest = QSpinBox()
         self.smallest.setRange(1, 1_000_000)
         self.drop_border = QCheckBox(tr("Leave out grains cut by the edge"))
-        self.add(
+        self._settings = QWidget()
+        fields = QVBoxLayout(self._settings)
+        fields.setContentsMargins(0, 0, 0, 0)
+        fields.setSpacing(10)
+        for field in (
             row(
                 tr("Smoothing"),
                 self.smoothing,
@@ -95,23 +103,20 @@ class GrainPanel(Panel):
                     "at their surfaces, which may differ from place to place"
                 ),
             ),
-        )
+        ):
+            fields.addWidget(field)
         self._threshold_row = row(
             tr("Grey value"), self.threshold, tr("Voxels at least this bright are grain")
         )
         self._ranges_row = row(
             tr("Grey values"), self.ranges, tr("Voxels in one of these ranges are grain: low:high, low:high")
         )
-        self.add(self._threshold_row, self._ranges_row, self.splitting)
-        self.add(
-            row(
-                tr("Smallest grain"),
-                self.smallest,
-                tr("Pieces with fewer voxels are discarded"),
-                tr("voxels"),
-            )
+        smallest = row(
+            tr("Smallest grain"), self.smallest, tr("Pieces with fewer voxels are discarded"), tr("voxels")
         )
-        self.add(self.drop_border)
+        for field in (self._threshold_row, self._ranges_row, self.splitting, smallest, self.drop_border):
+            fields.addWidget(field)
+        self.add(self._settings)
 
     def _make_result(self, theme: Theme) -> None:
         self._count = label("", "figure")
@@ -136,9 +141,11 @@ class GrainPanel(Panel):
         self.load_button.setToolTip(
             tr("Load a label image made with another program (such as ilastik), of the scan's shape")
         )
+        self.meshes_button = quiet_button(tr("Open meshes…"))
         self._hint = label("", "hint", wrap=True)
         line = QHBoxLayout()
         line.addWidget(self.load_button)
+        line.addWidget(self.meshes_button)
         line.addStretch(1)
         self.foot.addWidget(self._hint)
         self.foot.addWidget(self.find_button)
@@ -183,15 +190,16 @@ class GrainPanel(Panel):
         """Show the grains of the workspace."""
         grains, scan = self._workspace.state.grains, self._workspace.scan
         self._result.setVisible(grains is not None)
-        self._hint.setVisible(scan is None)
-        self._hint.setText(tr("Open a scan first (station Scan)."))
+        of_meshes = grains is not None and grains.is_of_meshes
+        # Bodies of meshes are told apart already.
+        for widget in (self._settings, self.find_button, self.load_button):
+            widget.setHidden(of_meshes)
+        self._hint.setVisible(scan is None and not of_meshes)
+        self._hint.setText(tr("Open a scan first (station Scan), or the meshes of scanned stones."))
         if grains is None:
             return
-        inside = len(grains.interior_labels)
         self._count.setText(tr("{count:,} grains", count=len(grains)))
-        self._inside.setText(
-            tr("{inside:,} inside the scan, {cut:,} cut by its edge", inside=inside, cut=len(grains) - inside)
-        )
+        self._inside.setText(_words_of_meshes(grains) if of_meshes else _words_of_scan(grains))
         diameters = nominal_diameters(grains.table["volume"].to_numpy(float))
         self._histogram_name.setText(f"{factor_label('dn')} [{unit_label(grains.unit)}]")
         self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
@@ -209,3 +217,31 @@ class GrainPanel(Panel):
     def _take_settings(self) -> None:
         if self._workspace.state.segmentation is not None:
             self.show_settings(self._workspace.state.segmentation)
+
+
+def _words_of_scan(grains: GrainSet) -> str:
+    inside = len(grains.interior_labels)
+    return tr("{inside:,} inside the scan, {cut:,} cut by its edge", inside=inside, cut=len(grains) - inside)
+
+
+def _words_of_meshes(grains: GrainSet) -> str:
+    """Return where grains of meshes come from, and how finely they are taken."""
+    files = [Path(str(file)) for file in grains.table["file"].unique()] if "file" in grains.table else []
+    if len(files) == 1:
+        words = [tr("From {name}.", name=files[0].name)]
+    else:
+        words = [tr("From {count:,} mesh files.", count=len(files) or len(grains))]
+    edge = readable_length(grains.voxel_size.x, grains.unit)
+    triangles = sum(len(mesh.faces) for mesh in grains.meshes.values())
+    if triangles:
+        words.append(
+            tr(
+                "Shown and measured as the files have them ({triangles:,} triangles); avatars are fitted to "
+                "voxels of {edge}.",
+                triangles=triangles,
+                edge=edge,
+            )
+        )
+    else:
+        words.append(tr("Shown, measured and fitted as voxels of {edge}.", edge=edge))
+    return " ".join(words)

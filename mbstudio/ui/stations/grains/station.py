@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.core.meshes.listing import means_meshes
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.grains.link import GrainLink
+from mbstudio.ui.stations.grains.mesh_link import MeshLink
+from mbstudio.ui.stations.grains.mesh_work import MeshWork
 from mbstudio.ui.stations.grains.panel import GrainPanel
 from mbstudio.ui.stations.grains.table import GrainTable
 from mbstudio.ui.stations.grains.work import GrainWork
@@ -44,10 +49,30 @@ class GrainStation(Station):
         )
         self.docks = (self.table_frame,)
         self.link = GrainLink(studio, view, self.work, self.panel, self.table)
+        self.mesh_work = MeshWork(space, studio.queue, self)
+        self.mesh_link = MeshLink(studio, self.mesh_work)
 
     def commands(self) -> list[Command]:
         space = self.studio.workspace
         return [
+            Command(
+                id="grains.open_meshes",
+                title=tr("Open meshes…"),
+                run=self.mesh_link.ask_files,
+                menu="File",
+                shortcut="Ctrl+Alt+O",
+                icon="ph.diamond",
+                tip=tr("Open the surfaces of scanned stones: STL, PLY, OBJ, OFF, 3MF or GLB, one or many"),
+                separated=True,
+            ),
+            Command(
+                id="grains.open_mesh_folder",
+                title=tr("Open folder of meshes…"),
+                run=self.mesh_link.ask_folder,
+                menu="File",
+                icon="ph.folders",
+                tip=tr("Open all meshes of a folder as grains"),
+            ),
             Command(
                 id="grains.find",
                 title=tr("Find grains"),
@@ -107,9 +132,17 @@ class GrainStation(Station):
         ]
 
     def wire(self) -> None:
-        self.relay_messages(self.work)
+        self.relay_messages(self.work, self.mesh_work)
+        self.mesh_link.arrived.connect(lambda: self.studio.enter(self.id))
+        self.studio.commands.bind(self.panel.meshes_button, "grains.open_meshes")
         self.studio.commands.bind(self.panel.find_button, "grains.find")
         self.studio.commands.bind(self.panel.load_button, "grains.load")
+
+    def open(self, paths: Sequence[Path]) -> bool:
+        if not any(means_meshes(path) for path in paths):
+            return False
+        self.mesh_link.open(paths)
+        return True
 
     def _can_find(self) -> bool:
         return self.studio.workspace.scan is not None and self.studio.queue.running() is None

@@ -30,6 +30,8 @@ from mbstudio.ui.widgets.numbers import readable_power_unit
 Index = QModelIndex | QPersistentModelIndex
 ROOMY, NARROW = 500, 430  # pixels that all columns need, and all but the volume
 SORT_ROLE = Qt.ItemDataRole.UserRole
+NAME = 3
+"""Column of the edge of the scan, or of the names of meshes."""
 
 COLUMNS = (
     mark("Grain"), mark("Volume"), "Dₙ", mark("Edge"), mark("Avatar"), mark("RMS distance"), mark("Verdict"),
@@ -52,6 +54,8 @@ class GrainTableModel(QAbstractTableModel):
         super().__init__()
         self._unit = self._volume_unit = "um"
         self._columns: dict[str, np.ndarray] = {}
+        self._names: list[str] = []
+        self._files: list[str] = []
         self._labels = np.zeros(0, dtype=int)
         self._fits: Mapping[int, FitResult] = {}
 
@@ -60,6 +64,7 @@ class GrainTableModel(QAbstractTableModel):
     def set_grains(self, grains: GrainSet | None) -> None:
         """Show another set of grains."""
         self.beginResetModel()
+        self._names, self._files = [], []
         if grains is None:
             self._labels, self._columns = np.zeros(0, dtype=int), {}
         else:
@@ -75,6 +80,9 @@ class GrainTableModel(QAbstractTableModel):
                 "dn": nominal_diameters(volume),
                 "border": table["touches_border"].to_numpy(bool),
             }
+            if grains.is_of_meshes:
+                self._names = [str(name) for name in table["name"]]
+                self._files = [str(file) for file in table["file"]] if "file" in table else []
         self.endResetModel()
 
     def set_fits(self, fits: Mapping[int, FitResult]) -> None:
@@ -82,6 +90,11 @@ class GrainTableModel(QAbstractTableModel):
         self._fits = fits
         if len(self._labels):
             self.dataChanged.emit(self.index(0, 4), self.index(len(self._labels) - 1, len(COLUMNS) - 1))
+
+    @property
+    def has_names(self) -> bool:
+        """Whether the grains are called by the files of their meshes; an edge cuts none of them."""
+        return bool(self._names)
 
     def label(self, row: int) -> int:
         """Return the label of the grain in a row."""
@@ -110,8 +123,12 @@ class GrainTableModel(QAbstractTableModel):
                 2: factor_short("dn", self._unit),
                 5: tr("RMS [{unit}]", unit=unit),
             }
+            if self._names:
+                heads[NAME] = tr("Mesh")
             return heads.get(section, tr(COLUMNS[section]))
         if role == Qt.ItemDataRole.ToolTipRole:
+            if section == NAME and self._names:
+                return tr("File that the grain came from; with a number where it holds several")
             return tr(_TIPS[section]) if _TIPS[section] else factor_tip("dn")
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._alignment(section)
@@ -127,6 +144,8 @@ class GrainTableModel(QAbstractTableModel):
             return self._value(row, column)
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._alignment(column)
+        if role == Qt.ItemDataRole.ToolTipRole and column == NAME and self._files:
+            return self._files[row]
         if role == Qt.ItemDataRole.ToolTipRole and column == 6:
             fit = self._fits.get(self.label(row))
             told = (*fit.verdict.reasons, *fit.verdict.warnings) if fit else ()
@@ -135,13 +154,15 @@ class GrainTableModel(QAbstractTableModel):
 
     @staticmethod
     def _alignment(column: int) -> Qt.AlignmentFlag:
-        side = Qt.AlignmentFlag.AlignLeft if column in (3, 6) else Qt.AlignmentFlag.AlignRight
+        side = Qt.AlignmentFlag.AlignLeft if column in (NAME, 6) else Qt.AlignmentFlag.AlignRight
         return side | Qt.AlignmentFlag.AlignVCenter
 
     def _value(self, row: int, column: int) -> float | str:
         fit = self._fits.get(self.label(row))
         if column == 0:
             return self.label(row)
+        if column == NAME and self._names:
+            return self._names[row]
         if column in (1, 2, 3):
             return float(self._columns[("volume", "dn", "border")[column - 1]][row])
         if fit is None:
@@ -153,10 +174,13 @@ class GrainTableModel(QAbstractTableModel):
         if column == 0:
             return str(self.label(row))
         if column == 1:
-            return f"{self._columns['volume'][row]:#.3g}"
+            volume = float(self._columns["volume"][row])
+            return f"{volume:,.0f}" if 1000 <= volume < 1e6 else f"{volume:#.3g}"
         if column == 2:
             return f"{self._columns['dn'][row]:.1f}"
-        if column == 3:
+        if column == NAME:
+            if self._names:
+                return self._names[row]
             return tr("cut") if self._columns["border"][row] else tr("inside")
         if fit is None:
             return "–"
@@ -195,15 +219,18 @@ class GrainTable(QTableView):
         self.setMouseTracking(True)
         self.setTabKeyNavigation(False)
         self.setWordWrap(False)
+        self.setTextElideMode(Qt.TextElideMode.ElideMiddle)  # numbers of files stand at their ends
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(27)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
         header.setMinimumSectionSize(52)
+        header.setMaximumSectionSize(240)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         self.selectionModel().selectionChanged.connect(self._rows_chosen)
         self.selectionModel().currentRowChanged.connect(self._rows_chosen)
         self._quiet = False
+        self.content.modelReset.connect(self._arrange_columns)
 
     def select_labels(self, labels: Collection[int], current: int | None) -> None:
         """Choose the rows of labels, and put the cursor on one, without telling it."""
@@ -239,11 +266,20 @@ class GrainTable(QTableView):
         return self.content.label(self._sorted.mapToSource(index).row()) if index.isValid() else None
 
     def resizeEvent(self, event: QResizeEvent) -> None:
+        self._arrange_columns()
+        super().resizeEvent(event)
+
+    def _arrange_columns(self) -> None:
         # Beside plots not every column has room: the nominal diameter tells the volume as well, and a
         # grain that the edge cuts has no avatar.
         self.setColumnHidden(1, self.width() < ROOMY)
-        self.setColumnHidden(3, self.width() < NARROW)
-        super().resizeEvent(event)
+        self.setColumnHidden(NAME, self.width() < NARROW and not self.content.has_names)
+        # A name stands beside the number.
+        header = self.horizontalHeader()
+        named = self.content.has_names
+        header.moveSection(header.visualIndex(NAME), 1 if named else NAME)
+        mode = QHeaderView.ResizeMode
+        header.setSectionResizeMode(NAME, mode.ResizeToContents if named else mode.Stretch)
 
     def labels_in_order(self) -> list[int]:
         """Return the labels as they stand in the table."""

@@ -40,7 +40,7 @@ class ScanLink(QObject):
 
     def _show_slices(self) -> None:
         slices = self._view.scene.layers.slices.planes
-        if slices is not None and self._studio.workspace.scan is not None:
+        if slices is not None and self._studio.workspace.sliced is not None:
             for axis, slider in self._panel.sliders.items():
                 slider.set_index(slices.index[axis])
             self._panel.show_window(*slices.window)

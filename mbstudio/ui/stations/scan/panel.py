@@ -70,24 +70,17 @@ class ScanPanel(Panel):
         self.range.setAccessibleName(tr("Grey values shown black and white"))
         self._range_text = label("", "hint")
         self.sliders = {axis: SliceSlider(axis, tr(_FRAMES[axis])) for axis in AXES}
-        self._empty = label(
-            tr(
-                "No scan yet. Open a TIFF stack, a folder of slices, or a RAW, NPY, NRRD or MetaImage file – "
-                "or drop one onto the window. The sample shows every step without a file of your own."
-            ),
-            "hint",
-            wrap=True,
-        )
+        self._empty = label("", "hint", wrap=True)
 
         self.add(self._empty)
-        self._shown_with_scan: list[QWidget] = [self._facts]
         self.add(self._facts)
-        self._group(tr("Grey values"), self.histogram, self.range, self._range_text)
-        self._group(tr("Slices"), *self.sliders.values())
+        self._shown_with_scan = self._group(tr("Grey values"), self.histogram, self.range, self._range_text)
+        self._shown_with_slices = self._group(tr("Slices"), *self.sliders.values())
         self.part_button = QPushButton(tr("Crop or bin…"))
         self.whole_button = QPushButton(tr("Show the whole scan again"))
         self.part_form = PartForm(draft, workspace)
-        self._group(tr("Part of the scan"), self.part_form, self.part_button, self.whole_button)
+        heading, *_ = self._group(tr("Part of the scan"), self.part_form, self.part_button, self.whole_button)
+        self._shown_with_scan = (*self._shown_with_scan, heading)
         self.body.addStretch(1)
         self.foot.addWidget(self.open_button)
         self.foot.addWidget(self.sample_button)
@@ -98,13 +91,14 @@ class ScanPanel(Panel):
             slider.switched.connect(lambda shown, name=axis: self.slice_switched.emit(name, shown))
         workspace.scan_changed.connect(self.refresh)
         draft.changed.connect(self._show_part)
+        workspace.grains_changed.connect(self._grains_changed)
         self.refresh()
 
-    def _group(self, title: str, *widgets: QWidget) -> None:
+    def _group(self, title: str, *widgets: QWidget) -> tuple[QWidget, ...]:
         heading = label(title, "heading")
         self.body.addSpacing(6)
         self.add(heading, *widgets)
-        self._shown_with_scan.extend((heading, *widgets))
+        return heading, *widgets
 
     def show_window(self, low: float, high: float) -> None:
         """Take the grey values that the view shows, silently."""
@@ -113,13 +107,20 @@ class ScanPanel(Panel):
         self.range.blockSignals(False)
         self._write_range(low, high)
 
+    def _grains_changed(self) -> None:
+        if self._workspace.state.scan is None:
+            self.refresh()
+
     def refresh(self) -> None:
         """Show the scan of the workspace."""
         scan, reference = self._workspace.scan, self._workspace.state.scan
         self._empty.setVisible(reference is None)
+        self._empty.setText(self._words_without_scan())
         self._facts.setVisible(reference is not None)
-        for widget in self._shown_with_scan[1:]:
+        for widget in self._shown_with_scan:
             widget.setVisible(scan is not None)
+        for widget in self._shown_with_slices:
+            widget.setVisible(self._workspace.sliced is not None)
         if reference is not None:
             self._values["File"].setText(reference.path.name if reference.path else tr("made by mbstudio"))
             self._values["File"].setToolTip(str(reference.path or ""))
@@ -142,6 +143,10 @@ class ScanPanel(Panel):
             self._values["Memory"].setText(memory)
         if scan is not None:
             self._show_scan(scan)
+        sliced = self._workspace.sliced
+        if sliced is not None:
+            for axis, count in zip(AXES, sliced.shape[::-1], strict=True):
+                self.sliders[axis].set_count(count, count // 2)
         self._show_part()
 
     def show_part_form(self) -> None:
@@ -156,6 +161,20 @@ class ScanPanel(Panel):
         is_part = scan is not None and scan.excerpt is not None and scan.path is not None
         self.whole_button.setVisible(is_part and not chosen)
 
+    def _words_without_scan(self) -> str:
+        grains = self._workspace.state.grains
+        if grains is None:
+            return tr(
+                "No scan yet. Open a TIFF stack, a folder of slices, or a RAW, NPY, NRRD or MetaImage file – "
+                "or drop one onto the window. The sample shows every step without a file of your own."
+            )
+        if grains.is_of_meshes:
+            return tr(
+                "The grains of this project come from meshes, so there is no scan. The slices cut through "
+                "their voxels, to which avatars are fitted."
+            )
+        return tr("This project has no scan. The slices cut through the voxels of its grains.")
+
     def _show_scan(self, scan: Scan) -> None:
         values = sample_of_voxels(scan)
         self.histogram.set_values(values, bins=96, log=True)
@@ -163,8 +182,6 @@ class ScanPanel(Panel):
         self.range.blockSignals(True)
         self.range.setRange(low, high if high > low else low + 1.0)
         self.range.blockSignals(False)
-        for axis, count in zip(AXES, scan.shape[::-1], strict=True):
-            self.sliders[axis].set_count(count, count // 2)
 
     def _range_moved(self, values: tuple[float, float]) -> None:
         self._write_range(*values)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from mbstudio.core.meshes.listing import means_meshes
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.scan.link import ScanLink
@@ -116,8 +118,10 @@ class ScanStation(Station):
     def leave(self) -> None:
         self.part_link.hide()
 
-    def open(self, path: Path) -> bool:
-        self.work.open(path)
+    def open(self, paths: Sequence[Path]) -> bool:
+        if len(paths) > 1 or means_meshes(paths[0]):
+            return False
+        self.work.open(paths[0])
         return True
 
     def project_opened(self) -> None:

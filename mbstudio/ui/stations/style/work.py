@@ -331,7 +331,7 @@ def _serialized(
             bodies = [state.fits[label].avatar for label in parents.labels]
         else:
             assert state.grains is not None
-            bodies = [state.grains.grain(label) for label in parents.labels]
+            bodies = [state.grains.body(label, fill_cavities=True) for label in parents.labels]
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", SerializationWarning)
         found = serialize(
