@@ -158,16 +158,18 @@ def fit(
             source, voxel_size, shape, dtype, header_bytes, big_endian, crop, binning
         )
         project = Project.new(opened, embed_scan=embed_scan)
-    if project.grains is None or labels is not None or settings:
-        inputs.find_grains(project, labels, settings)
-    assert project.grains is not None
-    wanted = FitSettings(n, method, seed, options, aims)  # type: ignore[arg-type]
-    project.change("Fit settings", fit_settings=wanted)
+    with project:
+        project.hold("mbstudio fit", output)
+        if project.grains is None or labels is not None or settings:
+            inputs.find_grains(project, labels, settings)
+        assert project.grains is not None
+        wanted = FitSettings(n, method, seed, options, aims)  # type: ignore[arg-type]
+        project.change("Fit settings", fit_settings=wanted)
 
-    chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
-    outcome = fit_into(project, chosen, workers)
-    if outcome.fits or not chosen or not output.exists():  # a file of avatars must not give way to none
-        project.save(output, embed_scan=True if embed_scan else None)
+        chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
+        outcome = fit_into(project, chosen, workers)
+        if outcome.fits or not chosen or not output.exists():  # a file of avatars must not give way to none
+            inputs.save_results(project, output, True if embed_scan else None)
 
     summary = summarise(project.grains, outcome.fits, outcome.failures, time.monotonic() - begun)
     summary["project"] = str(output) if output.exists() else None

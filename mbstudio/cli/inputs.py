@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mbstudio.cli import console
-from mbstudio.core.errors import MbstudioError, ProjectError
+from mbstudio.core.errors import MbstudioError, ProjectChangedError, ProjectError
 
 if TYPE_CHECKING:
     import trimesh
@@ -317,6 +317,26 @@ def require_cavities(word: str) -> Cavities:
 def tell_failure(_path: Path, error: MbstudioError) -> None:
     """Tell why one of many files was left out."""
     console.tell(f"mbstudio: left out: {error}")
+
+
+def save_results(project: Project, output: Path, embed_scan: bool | None = None) -> Path:
+    """Save a project; where others have written its file meanwhile, save a copy beside it and say so.
+
+    Raises
+    ------
+    ProjectError
+        If it cannot be written, or a copy was.
+    """
+    try:
+        return project.save(output, embed_scan=embed_scan)
+    except ProjectChangedError as error:
+        copy = next(
+            path
+            for number in range(2, 1000)
+            if not (path := output.with_stem(f"{output.stem} ({number})")).exists()
+        )
+        project.save(copy, embed_scan=embed_scan)
+        raise ProjectError(f"{error} Nothing is lost: what this command found lies in {copy}.") from error
 
 
 def require_project_output(path: Path) -> Path:

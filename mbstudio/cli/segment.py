@@ -57,15 +57,18 @@ def segment(
         project = Project.new(
             inputs.open_input_scan(source, voxel_size, shape, dtype, header_bytes, big_endian, crop, binning)
         )
-    grains = inputs.find_grains(
-        project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark)
-    )
-    result = {**describe_grains(grains), **describe_part(project)}
-    if write_labels is not None:
-        write_label_image(write_labels, grains, project.scan.grid if project.scan is not None else None)
-        result["labels"] = str(write_labels)
-    if output is not None:
-        result["project"] = str(project.save(output))
+    with project:
+        if output is not None:
+            project.hold("mbstudio segment", output)
+        grains = inputs.find_grains(
+            project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark)
+        )
+        result = {**describe_grains(grains), **describe_part(project)}
+        if write_labels is not None:
+            write_label_image(write_labels, grains, project.scan.grid if project.scan is not None else None)
+            result["labels"] = str(write_labels)
+        if output is not None:
+            result["project"] = str(inputs.save_results(project, output))
     if as_json:
         console.print_json(result)
     else:

@@ -12,6 +12,7 @@ import contextlib
 import getpass
 import json
 import os
+import weakref
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -79,7 +80,8 @@ class ProjectLock:
 
     def __init__(self, path: Path, stream: IO[bytes]) -> None:
         self.path = path
-        self._stream = stream
+        # Also where it is forgotten, and at the end of the program.
+        self._let_go = weakref.finalize(self, _release, path, stream)
 
     @classmethod
     def take(cls, path: Path, program: str) -> ProjectLock:
@@ -96,20 +98,21 @@ class ProjectLock:
         try:
             for _ in range(_ATTEMPTS):
                 stream = place.open("a+b")
-                lock = cls(path.resolve(), stream)
                 try:
                     taken = _is_taken(stream, place, path)
                 except BaseException:
                     stream.close()
                     raise
-                if taken:
-                    try:
-                        _write(stream, Holder.this_one(program))
-                    except BaseException:  # a full disk
-                        lock.release()
-                        raise
-                    return lock
-                stream.close()  # its holder removed it just now
+                if not taken:  # its holder removed it just now
+                    stream.close()
+                    continue
+                lock = cls(path.resolve(), stream)
+                try:
+                    _write(stream, Holder.this_one(program))
+                except BaseException:  # a full disk
+                    lock.release()
+                    raise
+                return lock
         except OSError as error:
             raise ProjectError(
                 f"{path} cannot be saved ({error.strerror or error}): choose another folder, or make room."
@@ -122,16 +125,7 @@ class ProjectLock:
 
     def release(self) -> None:
         """Let others write; more than once does no harm."""
-        if self._stream.closed:
-            return
-        with contextlib.suppress(OSError):  # a drive that is gone: the lock went with it
-            self._stream.truncate(0)
-            if os.name != "nt":  # while it is held, so that nobody's lock is removed but ours
-                _lock_file(self.path).unlink(missing_ok=True)
-        self._stream.close()
-        if os.name == "nt":  # there an open file cannot be removed, not even by another holder
-            with contextlib.suppress(OSError):
-                _lock_file(self.path).unlink(missing_ok=True)
+        self._let_go()
 
     def __enter__(self) -> ProjectLock:
         return self
@@ -140,6 +134,17 @@ class ProjectLock:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.release()
+
+
+def _release(path: Path, stream: IO[bytes]) -> None:
+    with contextlib.suppress(OSError):  # a drive that is gone: the lock went with it
+        stream.truncate(0)
+        if os.name != "nt":  # while it is held, so that nobody's lock is removed but ours
+            _lock_file(path).unlink(missing_ok=True)
+    stream.close()
+    if os.name == "nt":  # there an open file cannot be removed, not even by another holder
+        with contextlib.suppress(OSError):
+            _lock_file(path).unlink(missing_ok=True)
 
 
 def _lock_file(path: Path) -> Path:
