@@ -24,7 +24,9 @@ def segment(
     ] = None,
     write_labels: Annotated[
         Path | None,
-        typer.Option("--write-labels", metavar="FILE", help="Also write the label image (TIFF, NRRD, MHA)."),
+        typer.Option(
+            "--write-labels", metavar="FILE", help="Also write the label image (TIFF, NRRD, MHA, OME-Zarr)."
+        ),
     ] = None,
     labels: inputs.LabelsOption = None,
     splitting: inputs.SplittingOption = None,

@@ -84,9 +84,50 @@ def _is_left(match: re.Match[str], entry: os.DirEntry[str]) -> bool:
     return time.time() - entry.stat(follow_symlinks=False).st_mtime > _DAY
 
 
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """Give a temporary folder beside `path`; it takes the place of `path` when the block ends well.
+
+    A folder that is there already is moved aside, and removed once the new one is in its place. When
+    the block raises, the temporary folder is removed and `path` is as it was.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written or the disk is full.
+    """
+    target = path.resolve()
+    remove_leftovers(target.parent)
+    temporary = name_beside(target)
+    temporary.mkdir()
+    try:
+        yield temporary
+        for file in temporary.rglob("*"):
+            flush_to_disk(file)
+        if target.exists():
+            # Not of a name that is cleared away: until the new one is in its place, it is the only one.
+            old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
+            target.rename(old)
+            try:
+                temporary.rename(target)
+            except OSError:
+                old.rename(target)
+                raise
+            shutil.rmtree(old)
+        else:
+            temporary.rename(target)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    if os.name != "nt":  # as above
+        flush_to_disk(target.parent)
+
+
 def flush_to_disk(path: Path) -> None:
     """Wait until a file or folder lies on the disk."""
     # Windows flushes only what is open for writing; folders open only for reading.
+    if path.is_dir() and os.name == "nt":
+        return
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)

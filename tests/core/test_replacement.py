@@ -9,7 +9,7 @@ import time
 import pytest
 
 from mbstudio.core.processes import is_running
-from mbstudio.core.replacement import name_beside, remove_leftovers, replacing
+from mbstudio.core.replacement import name_beside, remove_leftovers, replacing, replacing_folder
 
 SAVE_AND_WAIT = """
 import sys, time
@@ -87,3 +87,26 @@ def test_a_process_runs_or_has_ended():
     assert not is_running(ended.pid)
     assert not is_running(0)
     assert not is_running(-1)
+
+
+def test_a_folder_is_replaced_as_a_whole(tmp_path):
+    place = tmp_path / "labels.zarr"
+    for text in ("first", "second"):
+        with replacing_folder(place) as temporary:
+            (temporary / "deeper").mkdir()
+            (temporary / "deeper" / "file").write_text(text)
+            (temporary / text).touch()
+        assert (place / "deeper" / "file").read_text() == text
+        assert sorted(path.name for path in place.iterdir()) == ["deeper", text]
+        assert [path.name for path in tmp_path.iterdir()] == ["labels.zarr"]
+
+
+def test_a_folder_stays_when_the_new_one_fails(tmp_path):
+    place = tmp_path / "labels.zarr"
+    place.mkdir()
+    (place / "file").write_text("whole")
+    with pytest.raises(RuntimeError), replacing_folder(place) as temporary:
+        (temporary / "file").write_text("half")
+        raise RuntimeError
+    assert (place / "file").read_text() == "whole"
+    assert [path.name for path in tmp_path.iterdir()] == ["labels.zarr"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk
 import tifffile
+import zarr
 
 from mbstudio.core.errors import GrainWarning, SegmentationError
 from mbstudio.core.grains import load_labels
@@ -161,7 +162,7 @@ def test_labels_without_directions_on_a_scan_that_was_turned(
 # Written by mbstudio ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ending", ["tif", "nrrd", "mha", "mhd"])
+@pytest.mark.parametrize("ending", ["tif", "nrrd", "mha", "mhd", "ome.zarr"])
 @pytest.mark.parametrize("turn", ["", "RAS", "SAR"])
 def test_written_labels_come_back(
     tmp_path: Path, labels: np.ndarray, grey: np.ndarray, ending: str, turn: str
@@ -169,6 +170,11 @@ def test_written_labels_come_back(
     scan = open_scan(as_itk(tmp_path / "s.mha", grey, (1, 2, 3), turn))
     grains = load_labels(as_itk(tmp_path / "l.mha", labels, (1, 2, 3)), scan)
     path = tmp_path / f"out.{ending}"
+    if ending == "ome.zarr" and turn == "SAR":
+        with pytest.raises(SegmentationError, match=r"out\.ome\.zarr .*axes are turned .*NRRD or MHA"):
+            write_label_image(path, grains, scan.grid)
+        assert not path.exists()
+        return
     write_label_image(path, grains, scan.grid)
     again = load_labels(path, scan)
     np.testing.assert_array_equal(again.labels, grains.labels)
@@ -194,3 +200,44 @@ def test_what_fiji_and_itk_find_in_written_labels(tmp_path: Path, labels: np.nda
         np.testing.assert_array_equal(sitk.GetArrayFromImage(image), labels)
     with pytest.raises(SegmentationError, match=r"l\.png"):
         write_label_image(tmp_path / "l.png", grains)
+
+
+def test_what_zarr_finds_in_written_labels(tmp_path: Path, labels: np.ndarray) -> None:
+    grains = load_labels(labels, voxel_size="20 x 15 x 10 um")
+    path = tmp_path / "l.ome.zarr"
+    for _ in range(2):  # what mbstudio wrote is written over
+        write_label_image(path, grains)
+    group = zarr.open_group(path, mode="r")
+    assert group.metadata.zarr_format == 3
+    facts = group.attrs["ome"]
+    assert facts["version"] == "0.5"
+    assert "image-label" in facts
+    (image,) = facts["multiscales"]
+    assert [(axis["name"], axis["type"], axis["unit"]) for axis in image["axes"]] == [
+        (name, "space", "micrometer") for name in "zyx"
+    ]
+    (dataset,) = image["datasets"]
+    assert dataset["coordinateTransformations"] == [
+        {"type": "scale", "scale": [20.0, 15.0, 10.0]},
+        {"type": "translation", "translation": [0.0, 0.0, 0.0]},
+    ]
+    array = group[dataset["path"]]
+    assert array.dtype.kind == "u"
+    assert array.metadata.dimension_names == ("z", "y", "x")
+    np.testing.assert_array_equal(array[...], labels)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["l.ome.zarr"]
+
+
+def test_a_folder_of_others_is_not_written_over(tmp_path: Path, labels: np.ndarray) -> None:
+    grains = load_labels(labels, voxel_size="10 um")
+    zarr.create_array(tmp_path / "s.zarr", shape=(2, 2, 2), dtype="u1")
+    (tmp_path / "t.zarr").write_text("a file")
+    (tmp_path / "l.tif").mkdir()
+    for name, told in (
+        ("s.zarr", "not written by mbstudio"),
+        ("t.zarr", "is a file"),
+        ("l.tif", "is a folder"),
+    ):
+        with pytest.raises(SegmentationError, match=rf"{name} .*{told}.*another name"):
+            write_label_image(tmp_path / name, grains)
+    assert zarr.open_array(tmp_path / "s.zarr", mode="r").shape == (2, 2, 2)

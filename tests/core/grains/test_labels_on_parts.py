@@ -92,7 +92,7 @@ def test_labels_written_of_a_part_come_back_to_it(
     factors = {None: (1, 1, 1), 2: (2, 2, 2)}.get(binning, binning)
     of_part = voxels[read_crop(crop, labels.shape)][tuple(slice(None, None, factor) for factor in factors)]
     grains = load_labels(np.ascontiguousarray(of_part), scan)
-    for name in ("labels.nrrd", "labels.mha"):
+    for name in ("labels.nrrd", "labels.mha", "labels.ome.zarr"):
         write_label_image(tmp_path / name, grains, scan.grid)
         again = load_labels(tmp_path / name, scan)
         np.testing.assert_array_equal(again.labels, grains.labels)
