@@ -6,6 +6,9 @@ line prints it and the window shows it in the message bar, without a traceback.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 
 class MbstudioError(Exception):
     """Base of every error with a message meant for the user."""
@@ -21,6 +24,22 @@ class UnitError(MbstudioError):
 
 class ScanError(MbstudioError):
     """A scan that cannot be read or holds no usable voxels."""
+
+
+class SeveralArraysError(ScanError):
+    """A file that holds several arrays, of which it is not said which one is meant.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    names : tuple of str
+        What may stand behind a colon to name one.
+    """
+
+    def __init__(self, message: str, path: Path, names: Sequence[str]) -> None:
+        super().__init__(message)
+        self.path, self.names = path, tuple(names)
 
 
 class ScanWarning(UserWarning):

@@ -121,4 +121,22 @@ def split_dataset(path: Path) -> tuple[Path, str | None]:
     return path, None
 
 
-__all__ = ["FAMILIES", "SUFFIXES", "Family", "ReadOptions", "Reading", "family_of", "split_dataset"]
+def names_folder(path: Path) -> bool:
+    """Return whether a path, which need not be there, stands for a folder by its name."""
+    text = str(path).lower()
+    if text.endswith(ome_zarr.FOLDER_SUFFIX) or f"{ome_zarr.FOLDER_SUFFIX}:" in text:
+        return True
+    containers = (suffix for family in FAMILIES if family.holds_several for suffix in family.suffixes)
+    return not path.suffix and not any(f"{suffix}:" in text for suffix in containers)
+
+
+__all__ = [
+    "FAMILIES",
+    "SUFFIXES",
+    "Family",
+    "ReadOptions",
+    "Reading",
+    "family_of",
+    "names_folder",
+    "split_dataset",
+]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.errors import ScanError, UnitError
+from mbstudio.core.errors import ScanError, SeveralArraysError, UnitError
 from mbstudio.core.scan.readers.family import (
     Family,
     Reading,
@@ -106,9 +106,11 @@ def _choose(file: Any, name: str | None, path: Path) -> Any:
     usual = [volumes[key] for key in _USUAL if key in volumes]
     if len(usual) == 1:
         return usual[0]
-    raise ScanError(
+    raise SeveralArraysError(
         f"{path} holds {len(volumes)} arrays that could be the scan{_listed(volumes)}. "
-        f"Name the one that is meant behind a colon, as in '{path.name}:/{next(iter(volumes))}'."
+        f"Name the one that is meant behind a colon, as in '{path.name}:/{next(iter(volumes))}'.",
+        path,
+        [f"/{key}" for key in volumes],
     )
 
 

@@ -15,6 +15,7 @@ from mbstudio.ui.stations.grains.table import GrainTable
 from mbstudio.ui.stations.grains.work import GrainWork
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.widgets.array_dialog import ask_which_array
 
 
 class GrainLink(QObject):
@@ -42,6 +43,7 @@ class GrainLink(QObject):
         space.scan_changed.connect(self._scan_changed)
         space.selection_changed.connect(self._selection_changed)
         table.chosen.connect(space.choose)
+        work.several.connect(lambda error, then: ask_which_array(error, then, studio.host))
 
     def _scan_changed(self) -> None:
         slices = self._view.scene.layers.slices.planes

@@ -6,8 +6,10 @@ import warnings
 from pathlib import Path
 from types import MappingProxyType
 
+from PySide6.QtCore import Signal
+
 from mbstudio.core.batch.segmenting import segment_in_process
-from mbstudio.core.errors import GrainWarning, SegmentationWarning
+from mbstudio.core.errors import GrainWarning, SegmentationWarning, SeveralArraysError
 from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.ui.language import tr
@@ -16,7 +18,15 @@ from mbstudio.ui.workers import Control, Task
 
 
 class GrainWork(Work):
-    """Segments the scan."""
+    """Segments the scan.
+
+    Attributes
+    ----------
+    several : signal (SeveralArraysError, callable)
+        A file of labels holds several arrays. Call with the path of the one that is meant.
+    """
+
+    several = Signal(object, object)
 
     def find(self, settings: SegmentationSettings) -> Task | None:
         """Find the grains of the scan in place of the present ones and their fits."""
@@ -48,7 +58,13 @@ class GrainWork(Work):
 
         task = Task(tr("Loading {name}", name=path.name), work)
         task.succeeded.connect(lambda loaded: self._take(scan, loaded[0], None, loaded[1]))
+        task.handled = (SeveralArraysError,)
+        task.failed.connect(self._ask_which)
         return self.queue.submit(task)
+
+    def _ask_which(self, error: Exception) -> None:
+        if isinstance(error, SeveralArraysError):
+            self.several.emit(error, self.load)
 
     def _take(
         self,

@@ -7,13 +7,14 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QFileDialog
 
-from mbstudio.core.scan.readers import SUFFIXES
+from mbstudio.core.scan.readers import SUFFIXES, names_folder
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.scan.dialog import ScanDialog
 from mbstudio.ui.stations.scan.panel import ScanPanel
 from mbstudio.ui.stations.scan.work import ScanWork
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.widgets.array_dialog import ask_which_array
 
 
 class ScanLink(QObject):
@@ -36,6 +37,7 @@ class ScanLink(QObject):
         view.slices_changed.connect(self._show_slices)
         studio.workspace.scan_changed.connect(self._show_slices_of_scan)
         work.asked.connect(self.ask_about_scan)
+        work.several.connect(lambda error, then: ask_which_array(error, then, studio.host))
         work.missing.connect(self.tell_missing_scan)
 
     def _show_slices(self) -> None:
@@ -65,9 +67,9 @@ class ScanLink(QObject):
             self._work.open(Path(name))
 
     def ask_folder(self) -> None:
-        """Let the person choose a folder of slices."""
+        """Let the person choose a folder of slices, of DICOM or of OME-Zarr."""
         name = QFileDialog.getExistingDirectory(
-            self._studio.host, tr("Open folder of slices"), self._studio.path_for()
+            self._studio.host, tr("Open folder (slices, DICOM, OME-Zarr)"), self._studio.path_for()
         )
         if name:
             self._work.open(Path(name))
@@ -94,8 +96,10 @@ class ScanLink(QObject):
         if reference is None:
             return
         host, folder = self._studio.host, self._studio.path_for()
-        if reference.path is not None and not reference.path.suffix:
-            name = QFileDialog.getExistingDirectory(host, tr("Where are the slices?"), folder)
+        if reference.path is not None and names_folder(reference.path):
+            name = QFileDialog.getExistingDirectory(
+                host, tr("Where is the folder of the project's scan?"), folder
+            )
         else:
             title = tr("Where is the project's scan?")
             if reference.path is not None:

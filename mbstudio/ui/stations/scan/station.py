@@ -43,15 +43,15 @@ class ScanStation(Station):
                 menu="File",
                 shortcut="Ctrl+O",
                 icon="ph.folder-open",
-                tip=tr("Open a TIFF stack, RAW, NPY, NRRD or MetaImage file"),
+                tip=tr("Open a TIFF stack, NRRD, HDF5, NIfTI or any other file of a scan"),
             ),
             Command(
                 id="scan.open_folder",
-                title=tr("Open folder of slices…"),
+                title=tr("Open folder…"),
                 run=self.link.ask_folder,
                 menu="File",
                 icon="ph.folders",
-                tip=tr("Open a folder of TIFF or PNG slices"),
+                tip=tr("Open a folder of slices, a DICOM series or OME-Zarr"),
             ),
             Command(
                 id="scan.sample",

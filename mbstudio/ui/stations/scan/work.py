@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
-from mbstudio.core.errors import ScanError, ScanWarning, UnitError
+from mbstudio.core.errors import ScanError, ScanWarning, SeveralArraysError, UnitError
 from mbstudio.core.project import ScanReference
 from mbstudio.core.project.scan_reference import HOW_TO_RELOCATE, refer_to, reopen, reopen_whole
 from mbstudio.core.scan import Scan, open_scan, sample_scan
@@ -51,12 +51,15 @@ class ScanWork(Work):
     asked : signal (Path, str, bool)
         A scan whose voxel size is missing: its path, what is missing, whether it is RAW. Answer
         with :meth:`open_answered`.
+    several : signal (SeveralArraysError, callable)
+        A file holds several arrays. Call with the path of the one that is meant.
     missing : signal (str)
         The project's scan is not where it was, or is another one: what was found. Answer with
         :meth:`relocate`, or go on without it.
     """
 
     asked = Signal(object, str, bool)
+    several = Signal(object, object)
     missing = Signal(str)
 
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
@@ -97,9 +100,9 @@ class ScanWork(Work):
             # What lies beside the file, or its name, may be wrong: the person can tell what is right.
             task.handled = (UnitError, ScanError)
             task.failed.connect(lambda error: self._ask(path, error))
-        elif answer.voxel_size is None:
-            task.handled = (UnitError,)
-            task.failed.connect(lambda error: self._ask(path, error))
+            return self.queue.submit(task)
+        task.handled = (SeveralArraysError,) if answer.voxel_size else (UnitError, SeveralArraysError)
+        task.failed.connect(lambda error: self._ask_what_is_missing(answer, error))
         return self.queue.submit(task)
 
     def open_sample(self) -> Task:
@@ -186,7 +189,10 @@ class ScanWork(Work):
         return self.queue.submit(task)
 
     def _miss(self, project: object, error: Exception) -> None:
-        if project is self.workspace.project and isinstance(error, ScanError):
+        cause = error.__cause__ if isinstance(error.__cause__, SeveralArraysError) else error
+        if project is self.workspace.project and isinstance(cause, SeveralArraysError):
+            self.several.emit(cause, self.relocate)
+        elif project is self.workspace.project and isinstance(error, ScanError):
             # The window has a button where the command line has an option.
             self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("locate the file")))
 
@@ -195,6 +201,12 @@ class ScanWork(Work):
         # Undo may have gone to another scan since.
         if project is self.workspace.project and now is not None and now.identity == reference.identity:
             self.workspace.give_scan(scan)
+
+    def _ask_what_is_missing(self, answer: ScanAnswer, error: Exception) -> None:
+        if isinstance(error, SeveralArraysError):
+            self.several.emit(error, lambda path: self.open_answered(replace(answer, path=path)))
+        elif isinstance(error, UnitError) and answer.voxel_size is None:
+            self._ask(answer.path, error)
 
     def _ask(self, path: Path, error: Exception) -> None:
         if isinstance(error, ScanError):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.errors import ScanError
+from mbstudio.core.errors import ScanError, SeveralArraysError
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.readers.family import (
     Family,
@@ -32,10 +33,13 @@ from mbstudio.core.scan.readers.tiff_lengths import shared_unit
 from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.scan.slice_stack import SliceStack
 
-SUFFIXES = (".zarr", ".zarr.zip", ".ozx")
+FOLDER_SUFFIX = ".zarr"
+SUFFIXES = (FOLDER_SUFFIX, ".zarr.zip", ".ozx")
 # A volume up to this size is unpacked at once; a larger one chunk by chunk on demand.
 UNPACK_AT_ONCE_BYTES = 2 << 30
 _LARGEST_SLAB = 1 << 30
+# So many channels and times are named one by one.
+_MOST_NAMES = 200
 _INDEX = re.compile(r"([A-Za-z]\w*)=(\d+)")
 
 
@@ -54,7 +58,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     name, places = _asked(options.dataset)
     level, notes = _choose(files, name, options.numbers)
     array = ZarrArray(files, level.node)
-    order, fixed, samples = _order_of_axes(level, places, array)
+    order, fixed, samples = _order_of_axes(level, places, array, path)
     shape = tuple(array.shape[axis] for axis in order)
     require_grey_volume(shape, array.dtype, Path(array.name))
     _require_filled(array)
@@ -75,7 +79,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
 def recognises(path: Path) -> bool:
     """Return whether a folder is a Zarr tree, or a file one of its documents."""
     if path.is_dir():
-        return path.suffix.lower() == ".zarr" or any((path / name).is_file() for name in DOCUMENTS)
+        return path.suffix.lower() == FOLDER_SUFFIX or any((path / name).is_file() for name in DOCUMENTS)
     return path.name in DOCUMENTS
 
 
@@ -149,9 +153,11 @@ def _candidates(files: ZarrFiles, key: str) -> dict[str, Node]:
 def _only(files: ZarrFiles, nodes: Mapping[str, Node]) -> Node:
     if len(nodes) == 1:
         return next(iter(nodes.values()))
-    raise ScanError(
+    raise SeveralArraysError(
         f"{files.path} holds {len(nodes)} arrays that could be meant{_listed(files, nodes)}. "
-        f"Name the one that is behind a colon, as in '{files.path.name}:{next(iter(nodes))}'."
+        f"Name the one that is meant behind a colon, as in '{files.path.name}:{next(iter(nodes))}'.",
+        files.path,
+        list(nodes),
     )
 
 
@@ -186,7 +192,7 @@ def _plain(node: Node) -> Level:
 
 
 def _order_of_axes(
-    level: Level, places: Mapping[str, int], array: ZarrArray
+    level: Level, places: Mapping[str, int], array: ZarrArray, path: Path
 ) -> tuple[tuple[int, int, int], dict[int, int], int | None]:
     """Return which axes are z, y, x, the place along each other one, and the axis of samples of a pixel."""
     shape, names = array.shape, [axis.name for axis in level.axes]
@@ -218,13 +224,7 @@ def _order_of_axes(
         axis for axis, count in enumerate(shape) if axis not in order and axis not in fixed and count > 1
     ]
     if beside and names:
-        kinds = ", ".join(f"{names[axis]}={shape[axis]}" for axis in beside)
-        one = ",".join(f"{names[axis]}=0" for axis in beside)
-        raise ScanError(
-            f"{array.name} holds more than one volume ({kinds}): name the one that is meant behind "
-            "a colon, as in "
-            f"'{Path(array.name).name}{',' if ':' in Path(array.name).name else ':'}{one}'."
-        )
+        raise _several_volumes(level, places, beside, path)
     if len(order) != 3:
         raise ScanError(
             f"{array.name} has {len(shape)} axes (shape {shape}), but a scan has three (z, y, x): "
@@ -234,6 +234,28 @@ def _order_of_axes(
         if axis not in order:
             fixed.setdefault(axis, 0)
     return (order[0], order[1], order[2]), fixed, None
+
+
+def _several_volumes(
+    level: Level, places: Mapping[str, int], beside: Sequence[int], path: Path
+) -> SeveralArraysError:
+    """Return the refusal of an array of several channels or times, with what names each."""
+    key, shape = level.node.key, level.node.shape
+    kinds = ", ".join(f"{level.axes[axis].name}={shape[axis]}" for axis in beside)
+    chosen = [key] if key else []
+    chosen += [f"{name}={place}" for name, place in places.items()]
+    cells = itertools.islice(itertools.product(*(range(shape[axis]) for axis in beside)), _MOST_NAMES)
+    names = [
+        ",".join([*chosen, *(f"{level.axes[axis].name}={at}" for axis, at in zip(beside, cell, strict=True))])
+        for cell in cells
+    ]
+    return SeveralArraysError(
+        f"{path}{f':{key}' if key else ''} holds more than one volume ({kinds}): name the one that "
+        "is meant behind "
+        f"a colon, as in '{path.name}:{names[0]}'.",
+        path,
+        names,
+    )
 
 
 def _require_filled(array: ZarrArray) -> None:

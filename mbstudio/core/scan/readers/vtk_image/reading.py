@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from mbstudio.core.errors import ScanError
+from mbstudio.core.errors import ScanError, SeveralArraysError
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.readers.family import (
     Family,
@@ -127,9 +127,12 @@ def _choose(layout: Layout, name: str | None, path: Path) -> StoredArray:
         return found[0]
     if not found:
         raise ScanError(f"{path} holds no array of points or cells: a scan needs one.")
-    raise ScanError(
+    names = [array.name for array in found]
+    raise SeveralArraysError(
         f"{path} holds {len(found)} arrays that could be the scan{_listed(found)}. "
-        f"Name the one that is meant behind a colon, as in '{path.name}:{found[0].name}'."
+        f"Name the one that is meant behind a colon, as in '{path.name}:{found[0].name}'.",
+        path,
+        [one.name if names.count(one.name) == 1 else f"{one.place}/{one.name}" for one in found],
     )
 
 
