@@ -165,7 +165,7 @@ class ScanPanel(Panel):
         grains = self._workspace.state.grains
         if grains is None:
             return tr(
-                "No scan yet. Open a TIFF stack, a folder of slices, or a RAW, NPY, NRRD or MetaImage file – "
+                "No scan yet. Open a file, or a folder of slices, DICOM or OME-Zarr – "
                 "or drop one onto the window. The sample shows every step without a file of your own."
             )
         if grains.is_of_meshes:
