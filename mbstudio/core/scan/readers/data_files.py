@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers.family import require_file, require_memory, side_car
+from mbstudio.core.scan.readers.family import is_there, require_file, require_memory, side_car
 from mbstudio.core.scan.readers.unpacking import unpacked, written_out
 
 # A number written as text takes about so many bytes until it is one.
@@ -91,7 +91,7 @@ def read_part(file: Path, shape: tuple[int, ...], how: Storage, header: Path) ->
 
 def require_data(file: Path, header: Path) -> None:
     """Raise ScanError unless the file that a header names is there, and a regular one."""
-    if not file.exists():
+    if not is_there(file):
         raise ScanError(f"{header} names the data file {file.name}, which is missing: put it beside.")
     require_file(file)
 

@@ -26,7 +26,9 @@ def read(path: Path, options: ReadOptions) -> Reading:
         )
     try:
         voxels = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+    except MemoryError:
+        raise
+    except Exception as error:  # of a wrong header, numpy raises errors of many unrelated types
         if "allow_pickle" in str(error) or "Object arrays" in str(error):
             raise ScanError(
                 f"{path} holds pickled objects, which may hold anything and are never opened: "

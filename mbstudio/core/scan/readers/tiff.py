@@ -315,14 +315,19 @@ def _require_complete(document: Any, chosen: Sequence[Any], path: Path) -> None:
 def read_image(file: Path, numbers: bool) -> tuple[np.ndarray, bool]:
     """Return the one image of a file, decoded, and whether white is zero."""
     require_tiff(file)
-    with _quiet_tifffile(), _opened(file) as document:
-        if len(document.series) > 1 or len(document.pages) > 1:
+    with _quiet_tifffile() as errors, _opened(file) as document:
+        # The pages are counted before anything goes through them: in a circle of pages that would not end.
+        count = len(document.pages)
+        if count > 1 and errors:
+            raise ScanError(f"The slice {file} is cut off or damaged: copy or export it again.")
+        if count > 1:
             raise ScanError(
-                f"The slice {file} holds {len(document.pages)} images where a slice is one: "
+                f"The slice {file} holds {count} images where a slice is one: "
                 "open the file itself if it is the whole scan."
             )
         page = document.pages[0]
         meaning = meaning_of(page)
+        require_memory(page.shape, np.dtype(page.dtype or "u1").itemsize, file, document.filehandle.size)
         image = _samples_last(page.asarray(), page.axes)
     return decode(image, meaning, f"The slice {file}", numbers=numbers), meaning.white_is_zero
 
@@ -339,6 +344,7 @@ def describe_image(file: Path) -> tuple[tuple[int, int], str]:
 def stated_size_of(file: Path) -> StatedSize:
     """Return what a TIFF file says about the size of its voxels."""
     with _quiet_tifffile(), _opened(file) as document:
+        len(document.pages)  # as in read_image
         return stated_size(document)
 
 
