@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PySide6.QtCore import QObject, QSettings, Signal
 
+from mbstudio.core.errors import ProjectError, ProjectLockedError
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.solid_voxels import solid_as_scan
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
+from mbstudio.core.project.merging import Merge
 from mbstudio.core.project.state import ScanIdentity
 from mbstudio.core.scan import Scan
 from mbstudio.core.scan.voxel_blocks import in_memory_bytes
@@ -22,6 +25,8 @@ from mbstudio.ui.language import tr
 if TYPE_CHECKING:
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
+
+log = logging.getLogger(__name__)
 
 RECENT = 8
 KEPT_BYTES = 256 << 20
@@ -217,6 +222,30 @@ class Workspace(QObject):
         self._announce(all_of_it=True)
         self.selection_changed.emit()
         self.project_replaced.emit()
+
+    def hold_project(self) -> str:
+        """Keep others from writing the project's file; return who works on it already, or nothing."""
+        try:
+            self.project.hold("the window")
+        except ProjectLockedError as error:
+            return str(error)
+        except ProjectError as error:
+            # Where nobody can write, nobody needs to be kept from it: a save will say why it fails.
+            log.info("No lock: %s", str(error))
+        return ""
+
+    def merge(self, found: Project) -> Merge:
+        """Bring in what the project's file holds by now, as one step of undo.
+
+        Raises
+        ------
+        ProjectError
+            If the two do not belong together.
+        """
+        self._coalescing = None
+        merge = self.project.merge_with(found, tr("Merge with the file"))
+        self._announce()
+        return merge
 
     def saved(self) -> None:
         """Tell that the project was written."""

@@ -261,10 +261,19 @@ class Project:
         """
         if self.path is None:
             raise ProjectError("The project has no file yet that it could be merged with.")
-        found = identify(self.path)
-        merge = merge_states(self._saved_state, self.state, read_project(self.path))
+        return self.merge_with(Project.open(self.path), title)
+
+    def merge_with(self, found: Project, title: str = "Merge with the file") -> Merge:
+        """Bring in what the project's file holds by now, as opened by somebody else, as one change.
+
+        Raises
+        ------
+        ProjectError
+            If the two do not belong together.
+        """
+        merge = merge_states(self._saved_state, self.state, found.state)
         self._push(merge.state, title)
-        self._opened_as = found
+        self._opened_as = found.opened_as
         return merge
 
     def save(self, path: str | Path | None = None, *, embed_scan: bool | None = None) -> Path:

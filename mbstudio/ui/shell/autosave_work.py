@@ -114,7 +114,9 @@ class AutosaveWork(Work):
             return None
         if state is not None and state is self._kept:
             return None
-        path, scan = self.workspace.project.path, self.workspace.scan
+        path, scan, opened_as = (
+            self.workspace.project.path, self.workspace.scan, self.workspace.project.opened_as,
+        )  # fmt: skip
         embedded = state is not None and state.scan is not None and state.scan.embedded
         if embedded and scan is None:
             return None  # its voxels are still being read
@@ -127,7 +129,7 @@ class AutosaveWork(Work):
                 return
             autosave = own or Autosave.begin(autosave_folder())
             self._own = autosave  # here, so that a window that closes meanwhile removes it
-            autosave.write(state, path, scan.voxels if embedded and scan is not None else None)
+            autosave.write(state, path, scan.voxels if embedded and scan is not None else None, opened_as)
 
         self._task = Task(tr("Autosave"), work)
         self._task.handled = (MbstudioError, OSError)
@@ -213,6 +215,7 @@ class AutosaveWork(Work):
         # The folder goes on as this window's: until the next write it is the only copy.
         self._own, self._kept = autosave, project.state
         self.workspace.replace_project(project)
+        self.workspace.hold_project()
         self.said.emit(
             "success",
             tr(

@@ -164,6 +164,7 @@ class MainWindow(QMainWindow):
         layout.addWidget(self.view_bar)
         layout.addWidget(self.message_bar)
         layout.addWidget(self.project_files.leaving)
+        layout.addWidget(self.project_files.conflict)
         layout.addWidget(self.view_tools.bar)
         layout.addWidget(self._pages, 1)
         self.setCentralWidget(centre)

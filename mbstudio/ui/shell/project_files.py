@@ -9,7 +9,9 @@ from typing import Any
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
+from mbstudio.core.errors import ProjectError
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.shell.dialogs.conflict_card import ConflictCard
 from mbstudio.ui.shell.dialogs.leave_card import LeaveCard
 from mbstudio.ui.shell.project_work import ProjectWork
 from mbstudio.ui.stations.registry import Stations
@@ -31,6 +33,7 @@ class ProjectFiles(QObject):
     Attributes
     ----------
     leaving : LeaveCard
+    conflict : ConflictCard
     asks : bool
         Whether leaving unsaved work asks; tests switch it off.
     """
@@ -43,7 +46,12 @@ class ProjectFiles(QObject):
         self._then: Callable[[], object] | None = None
         self.leaving = LeaveCard()
         self.leaving.answered.connect(self._leave)
-        self._space.project_replaced.connect(self.leaving.take_away)
+        self.conflict = ConflictCard()
+        self.conflict.answered.connect(self._settle)
+        self._refused: tuple[Path, Callable[[], object] | None] | None = None
+        project_work.refused.connect(self._ask_about)
+        for card in (self.leaving, self.conflict):
+            self._space.project_replaced.connect(card.take_away)
 
     def ask_project(self) -> None:
         """Let the person choose a project file."""
@@ -79,10 +87,10 @@ class ProjectFiles(QObject):
         else:
             self._work.save(path)
 
-    def save_as(self, after: Any = None) -> None:
+    def save_as(self, after: Any = None, suggested: str = "sand.mbs") -> None:
         """Ask for a file and save to it."""
         name, _ = QFileDialog.getSaveFileName(
-            self._studio.host, tr("Save project"), self._studio.path_for("sand.mbs"), tr(PROJECT_FILTER)
+            self._studio.host, tr("Save project"), self._studio.path_for(suggested), tr(PROJECT_FILTER)
         )
         if name:
             path = Path(name)
@@ -121,3 +129,21 @@ class ProjectFiles(QObject):
                 self._work.save(path, after=then)
         elif answer == "discard" and then is not None:
             then()
+
+    def _ask_about(self, error: ProjectError, path: Path, after: Callable[[], object] | None) -> None:
+        """Ask what becomes of work that was not saved, for another program uses or has written the file."""
+        self._refused = path, after
+        self.conflict.ask_about(path.name, error)
+
+    def _settle(self, answer: str) -> None:
+        refused, self._refused = self._refused, None
+        if refused is None:
+            return
+        path, after = refused
+        if answer == "copy":
+            suggested = tr("{project} (copy)", project=path.stem)
+            self.save_as(after, f"{suggested}{path.suffix}")
+        elif answer == "merge":
+            self._work.merge(path, after)
+        elif answer == "reload":
+            self._work.open(path)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Signal
 
-from mbstudio.core.errors import ProjectWarning
+from mbstudio.core.errors import ProjectChangedError, ProjectError, ProjectLockedError, ProjectWarning
 from mbstudio.core.project import Project
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.work import Work
@@ -22,9 +22,13 @@ class ProjectWork(Work):
     ----------
     opened : signal
         A project was opened and taken; its scan is still to be opened.
+    refused : signal (ProjectError, Path, callable or None)
+        A project was not saved, because another program uses its file or has written it; with what was to be
+        done afterwards.
     """
 
     opened = Signal()
+    refused = Signal(object, object, object)
 
     def new(self) -> None:
         """Begin with an empty project."""
@@ -40,14 +44,41 @@ class ProjectWork(Work):
         """Write the project to `path`; `after` is called once it is written."""
         project = self.workspace.project
         task = Task(tr("Saving {name}", name=path.name), lambda control: project.save(path))
+        task.handled = (ProjectLockedError, ProjectChangedError)
+        task.failed.connect(
+            lambda error: self.refused.emit(error, path, after) if isinstance(error, task.handled) else None
+        )
         task.succeeded.connect(lambda written: self._saved(Path(written)))
         if after is not None:
             task.succeeded.connect(lambda _: after())
         return self.queue.submit(task)
 
+    def merge(self, path: Path, after: Callable[[], object] | None = None) -> Task:
+        """Bring in what another program has written into the project's file, then save it."""
+        task = Task(tr("Opening {name}", name=path.name), lambda control: _opened(path))
+        task.succeeded.connect(lambda opened: self._merge(opened[0], path, after))
+        return self.queue.submit(task)
+
+    def _merge(self, found: Project, path: Path, after: Callable[[], object] | None) -> None:
+        try:
+            merge = self.workspace.merge(found)
+        except ProjectError as error:
+            self.said.emit("error", str(error))
+            return
+        told = tr("{count} avatars and kept grains of the file came in.", count=merge.added)
+        if merge.in_both:
+            labels = ", ".join(map(str, merge.in_both))
+            told += " " + tr(
+                "Both have fitted these grains, and the avatars here were kept: {labels}.", labels=labels
+            )
+        self.said.emit("warning" if merge.in_both else "success", told)
+        self.save(path, after)
+
     def _take(self, project: Project, notes: tuple[str, ...], path: Path) -> None:
         self.workspace.replace_project(project)
         self.workspace.remember(path)
+        if in_use := self.workspace.hold_project():
+            notes = (*notes, in_use, tr("You can work on it here; saving then offers a copy."))
         grains = len(project.grains) if project.grains is not None else 0
         told = tr(
             "{name}: {grains} grains, {fitted} of them fitted.",
@@ -60,6 +91,7 @@ class ProjectWork(Work):
 
     def _saved(self, path: Path) -> None:
         self.workspace.remember(path)
+        self.workspace.hold_project()
         self.workspace.saved()
         self.said.emit("success", tr("Saved {name}.", name=path.name))
 

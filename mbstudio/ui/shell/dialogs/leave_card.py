@@ -1,95 +1,14 @@
-"""The question above the view whether unsaved work is saved before it goes. Nothing is blocked by it."""
+"""The question whether unsaved work is saved before it goes."""
 
 from __future__ import annotations
 
-from typing import Literal
-
-from PySide6.QtCore import QEvent, Qt, Signal
-from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QApplication, QFrame, QHBoxLayout, QVBoxLayout, QWidget
-
 from mbstudio.ui.language import tr
-from mbstudio.ui.widgets.forms import label, primary_button, quiet_button
-
-Answer = Literal["save", "discard", "cancel"]
+from mbstudio.ui.shell.dialogs.question_card import CANCEL, QuestionCard
 
 
-class LeaveCard(QFrame):
-    """Save, Discard or Cancel; Esc is Cancel, and the keyboard begins at Save.
-
-    Attributes
-    ----------
-    answered : signal (str)
-        'save', 'discard' or 'cancel'; the card is gone by then.
-    """
-
-    answered = Signal(str)
+class LeaveCard(QuestionCard):
+    """Save, Discard or Cancel: answers 'save', 'discard' and 'cancel'."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.setObjectName("message")
-        self.setProperty("level", "warning")
-        self._question, self._told = label("", "heading", wrap=True), label("", "hint", wrap=True)
-        self.save, self.discard, self.cancel = (
-            primary_button(tr("&Save")),
-            quiet_button(tr("&Discard")),
-            quiet_button(tr("Cancel")),
-        )
-        self.cancel.setToolTip(tr("Go on working (Esc)"))
-        self._focused: QWidget | None = None
-        words = QVBoxLayout()
-        words.setSpacing(2)
-        words.addWidget(self._question)
-        words.addWidget(self._told)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 9, 12, 9)
-        layout.setSpacing(8)
-        layout.addLayout(words, 1)
-        for button, answer in ((self.save, "save"), (self.discard, "discard"), (self.cancel, "cancel")):
-            # Enter presses what has the focus, as in a dialog.
-            button.setAutoDefault(True)
-            button.clicked.connect(lambda _checked=False, given=answer: self._answer(given))
-            layout.addWidget(button)
-        self.hide()
-
-    @property
-    def text(self) -> str:
-        """What is asked, or empty."""
-        return f"{self._question.text()} {self._told.text()}" if not self.isHidden() else ""
-
-    def ask(self, question: str, told: str) -> None:
-        """Show the question; one that is shown already is replaced."""
-        if self.isHidden():
-            self._focused = QApplication.focusWidget()
-        self._question.setText(question)
-        self._told.setText(told)
-        self.setAccessibleName(question)
-        self.setAccessibleDescription(told)
-        self.save.setAccessibleDescription(question)
-        self.show()
-        self.save.setFocus(Qt.FocusReason.OtherFocusReason)
-
-    def take_away(self) -> None:
-        """Ask no longer; the keyboard goes back to where it was."""
-        held = self.isAncestorOf(QApplication.focusWidget() or self.window())
-        self.hide()
-        if held and self._focused is not None and self._focused.isVisible():
-            self._focused.setFocus()
-        self._focused = None
-
-    def _answer(self, answer: Answer) -> None:
-        self.take_away()
-        self.answered.emit(answer)
-
-    def event(self, event: QEvent) -> bool:
-        # Esc is this card's while the keyboard is in it, whatever else Esc is a shortcut of.
-        if (
-            isinstance(event, QKeyEvent)
-            and event.key() == Qt.Key.Key_Escape
-            and event.type() in (QEvent.Type.ShortcutOverride, QEvent.Type.KeyPress)
-        ):
-            event.accept()
-            if event.type() == QEvent.Type.KeyPress:
-                self._answer("cancel")
-            return True
-        return super().event(event)
+        super().__init__([("save", tr("&Save")), ("discard", tr("&Discard"))])
+        self.save, self.discard, self.cancel = (self.buttons[name] for name in ("save", "discard", CANCEL))
