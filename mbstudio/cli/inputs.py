@@ -245,12 +245,21 @@ def find_grains(project: Project, labels: Path | None, settings: dict[str, Any])
     if labels is not None:
         grains = load_labels(labels, scan, splitting=settings.get("splitting"))
         project.change("Load labels", grains=grains, segmentation=None, fits={})
+        _tell_doubts(grains)
         return grains
     chosen = SegmentationSettings(**settings)
     with console.progress("Finding grains") as report:
         grains = segment(scan, chosen, progress=report)
     project.change("Find grains", grains=grains, segmentation=chosen, fits={})
+    _tell_doubts(grains)
     return grains
+
+
+def _tell_doubts(grains: GrainSet) -> None:
+    """Say what the scan does not bear out, and what to do."""
+    if grains.verdict is not None:
+        for doubt in grains.verdict.described:
+            console.tell(f"The grains are in doubt. {doubt}")
 
 
 def grains_of_meshes(meshes: Sequence[Path], resolution: int, unit: str | None, cavities: str) -> GrainSet:

@@ -71,10 +71,14 @@ def segment(
             result["labels"] = str(write_labels)
         if output is not None:
             result["project"] = str(inputs.save_results(project, output))
+    verdict = grains.verdict
     if as_json:
-        console.print_json(result)
-    else:
-        console.print_facts(f"Grains of {source.name}", result)
+        console.print_json({**result, "verdict": verdict.to_record() if verdict is not None else None})
+        return
+    if verdict is not None:
+        result["phases"], result["field_of_view"] = verdict.phases or None, verdict.view
+        result["verdict"] = verdict.level
+    console.print_facts(f"Grains of {source.name}", result)
 
 
 def describe_grains(grains: Any) -> dict[str, Any]:

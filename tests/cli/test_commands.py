@@ -57,6 +57,22 @@ def test_segment(mbstudio, small_scan_file, tmp_path):
     assert (result["grains"], result["interior"], result["unit"]) == (4, 3, "um")
     written = tifffile.imread(labels)
     np.testing.assert_array_equal(written, Project.open(project).grains.labels)
+    assert result["verdict"]["level"] == "green"
+    assert result["verdict"]["figures"]["contrast_to_noise"] > 1
+    assert Project.open(project).grains.verdict.to_record() == result["verdict"]
+
+
+def test_segment_tells_what_the_scan_does_not_bear_out(mbstudio, small_scan_file):
+    scan = tifffile.imread(small_scan_file)
+    stated = ("--threshold", str(np.quantile(scan, 0.97)))
+    ran = mbstudio("segment", small_scan_file, "--voxel-size", "14 um", *stated)
+    assert ran.code == 0
+    assert "verdict" in ran.out
+    assert "The grains are in doubt." in ran.err
+    ran = mbstudio("segment", small_scan_file, "--voxel-size", "14 um", *stated, "--json")
+    verdict = json.loads(ran.out)["verdict"]
+    assert verdict["level"] != "green"
+    assert all(doubt["advice"] for doubt in verdict["doubts"])
 
 
 def test_segment_with_labels_made_elsewhere(mbstudio, small_scan_file, tmp_path):

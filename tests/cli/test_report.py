@@ -28,6 +28,7 @@ def test_the_report_needs_nothing_else(mbstudio, fitted_project, tmp_path):
         "lightly smoothed surface",
         "D50 (mm)",
         "14 µm",
+        "Verdict: green.",
     ):
         assert said in text
     assert list(tmp_path.iterdir()) == [path]

@@ -19,6 +19,7 @@ from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.segmentation import Progress, SegmentationSettings, segment
+from mbstudio.core.grains.verdict import SegmentationVerdict
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
@@ -100,7 +101,8 @@ class _Segmentation(Job[Scan, GrainSet]):
             grains = segment(scan, SegmentationSettings(**head["settings"]), progress=report)
         np.save(folder / "labels.npy", grains.labels, allow_pickle=False)
         texts = [str(one.message) for one in caught if issubclass(one.category, SegmentationWarning)]
-        return {"warnings": texts}, {
+        verdict = grains.verdict.to_record() if grains.verdict is not None else None
+        return {"warnings": texts, "verdict": verdict}, {
             str(name): grains.table[name].to_numpy() for name in grains.table.columns
         }
 
@@ -110,7 +112,8 @@ class _Segmentation(Job[Scan, GrainSet]):
         labels = np.load(self._folder / "labels.npy", allow_pickle=False)
         for text in head["warnings"]:
             warnings.warn(text, SegmentationWarning, stacklevel=4)
-        return GrainSet(labels, pd.DataFrame(arrays), scan.voxel_size, scan.origin)
+        verdict = SegmentationVerdict.from_record(head["verdict"]) if head["verdict"] is not None else None
+        return GrainSet(labels, pd.DataFrame(arrays), scan.voxel_size, scan.origin, verdict=verdict)
 
     def lose(self, scan: Scan, code: int) -> GrainSet:
         complaints = self.complaints.read_text(encoding="utf-8", errors="replace").strip()

@@ -1,6 +1,7 @@
-"""Grains: field of view, segmentation, labels and single grains.
+"""Grains: segmentation, labels and single grains.
 
-`interfaces`, `phases` and `thresholding` find what is grain, `flooding` parts what touches. Begin at
+`interfaces`, `phases` and `thresholding` find what is grain, `flooding` parts what touches, `verdict` says
+how well the scan bears it out. Begin at
 :func:`~mbstudio.core.grains.segmentation.segment`.
 """
 

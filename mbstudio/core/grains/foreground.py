@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
-from mbstudio.core.grains.interfaces import find_interfaces
+from mbstudio.core.grains.interfaces import Interfaces, find_interfaces
 from mbstudio.core.grains.phases import Phases, find_phases
 from mbstudio.core.grains.thresholding import brighter_than, threshold_of
 from mbstudio.core.scan.field_of_view import FieldOfView
@@ -23,6 +24,26 @@ _CLIPPED = (0.002, 0.99)
 _BINS = 1024
 
 
+@dataclass(frozen=True, eq=False)
+class Foreground:
+    """Which voxels are grain, and by what.
+
+    Attributes
+    ----------
+    mask : bool array, shape (Z, Y, X)
+    words : str
+        What parts grains from the rest.
+    interfaces : Interfaces or None
+        Where the scan's phases meet; None where the grey values of grains were stated.
+    phases : Phases or None
+    """
+
+    mask: Bool[np.ndarray, "Z Y X"]
+    words: str
+    interfaces: Interfaces | None = None
+    phases: Phases | None = None
+
+
 def find_foreground(
     scan: Scan,
     voxels: Shaped[np.ndarray, "Z Y X"],
@@ -32,8 +53,8 @@ def find_foreground(
     ranges: tuple[float, ...] = (),
     dark: bool | None = None,
     denoise_sigma: float = 0.5,
-) -> tuple[Bool[np.ndarray, "Z Y X"], str]:
-    """Return which voxels are grain, and what parts them from the rest, in words.
+) -> Foreground:
+    """Return which voxels are grain.
 
     Parameters
     ----------
@@ -56,13 +77,14 @@ def find_foreground(
     """
     if ranges or threshold is not None:
         return _stated(scan, voxels, view, threshold, ranges, bool(dark), denoise_sigma)
-    phases = find_phases(find_interfaces(_clipped(voxels, -math.inf, math.inf), view.mask), dark)
+    interfaces = find_interfaces(_clipped(voxels, -math.inf, math.inf), view.mask)
+    phases = find_phases(interfaces, dark)
     if phases is None:
         raise SegmentationError(
             f"Nothing in {scan.path or 'the scan'} stands out from the noise, so there are no grains: "
             "check that it is the right file, or state a threshold."
         )
-    _warn_about(phases)
+    _warn_about(phases, judged_dark=phases.dark and dark is None)
     grey = _clipped(voxels, *_believed_range(voxels, view))
     _denoise(grey, view, scan.voxel_size, denoise_sigma)
     sign = -1.0 if phases.dark else 1.0
@@ -79,12 +101,10 @@ def find_foreground(
     mask = brighter_than(grey, found)
     mask &= view.mask
     side = "darker" if phases.dark else "brighter"
+    words = f"Grains are {side} than a threshold that follows their surfaces, about {sign * phases.middle:g}"
     if isinstance(found, float):
-        return mask, f"Grains are {side} than {sign * found:g}"
-    return (
-        mask,
-        f"Grains are {side} than a threshold that follows their surfaces, about {sign * phases.middle:g}",
-    )
+        words = f"Grains are {side} than {sign * found:g}"
+    return Foreground(mask, words, interfaces, phases)
 
 
 def _stated(
@@ -95,8 +115,8 @@ def _stated(
     ranges: tuple[float, ...],
     dark: bool,
     denoise_sigma: float,
-) -> tuple[Bool[np.ndarray, "Z Y X"], str]:
-    """Return which voxels lie in ranges of grey values that were stated, and the ranges in words."""
+) -> Foreground:
+    """Return which voxels lie in ranges of grey values that were stated."""
     if threshold is not None:
         ranges = (-math.inf, threshold) if dark else (threshold, math.inf)
         words = f"Grains are {'darker' if dark else 'brighter'} than {threshold:g}"
@@ -114,7 +134,7 @@ def _stated(
     for start, end in zip(ranges[::2], ranges[1::2], strict=True):
         mask |= (grey > start) & (grey <= end)
     mask &= view.mask
-    return mask, words
+    return Foreground(mask, words)
 
 
 def _clipped(voxels: Shaped[np.ndarray, "Z Y X"], low: float, high: float) -> Float[np.ndarray, "Z Y X"]:
@@ -125,10 +145,10 @@ def _clipped(voxels: Shaped[np.ndarray, "Z Y X"], low: float, high: float) -> Fl
     return grey
 
 
-def _warn_about(phases: Phases) -> None:
+def _warn_about(phases: Phases, *, judged_dark: bool) -> None:
     """Warn of what a person would want to know before believing the grains."""
     sign = -1.0 if phases.dark else 1.0
-    if phases.dark:
+    if judged_dark:
         warnings.warn(
             "The grains are darker than what lies between them, judged by their convex side: "
             "state that they are bright if that is wrong.",

@@ -14,6 +14,7 @@ from mbstudio.core.errors import GrainError
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_mesh import GrainMesh
 from mbstudio.core.grains.pieces import without_cavities
+from mbstudio.core.grains.verdict import SegmentationVerdict
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ class GrainSet:
         Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.
     meshes : mapping of int to GrainMesh
         By label, the exact surfaces of grains of mesh files; empty for those of scans.
+    verdict : SegmentationVerdict or None
+        How well the scan bears the grains out; None where it was not compared with them.
     """
 
     labels: Int[np.ndarray, "Z Y X"]
@@ -46,6 +49,7 @@ class GrainSet:
     voxel_size: VoxelSize
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     meshes: Mapping[int, GrainMesh] = field(default_factory=lambda: MappingProxyType({}))
+    verdict: SegmentationVerdict | None = None
 
     @property
     def unit(self) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cc3d
 import numpy as np
@@ -14,6 +13,7 @@ from jaxtyping import Bool, Int
 
 from mbstudio.core.errors import GrainWarning, SegmentationError, UnitError
 from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.grains.judging import judge_labels
 from mbstudio.core.grains.label_numbers import (
     consecutive,
     keep_largest_pieces,
@@ -23,15 +23,13 @@ from mbstudio.core.grains.label_numbers import (
 from mbstudio.core.grains.label_placement import differs_in_size, lay_on_scan, require_no_better_order
 from mbstudio.core.grains.labelling import build_grain_set
 from mbstudio.core.grains.segmentation import part_mask
-from mbstudio.core.scan.field_of_view import find_field_of_view
+from mbstudio.core.grains.verdict import SegmentationVerdict
+from mbstudio.core.scan.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.opening import place, read_file
 from mbstudio.core.scan.readers import ReadOptions
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
-
-if TYPE_CHECKING:
-    from mbstudio.core.scan.field_of_view import FieldOfView
 
 # How readily touching grains are parted to see whether a mask holds such.
 _USUAL_SPLITTING = 0.75
@@ -105,8 +103,21 @@ def load_labels(
         numbered = _grains_of_mask(numbered > 0, size, splitting, name)
     else:
         keep_largest_pieces(numbered, count, name)
-    view: FieldOfView | None = find_field_of_view(scan.load()) if scan is not None else None
-    return build_grain_set(numbered, size, origin, view.rim_cutting(numbered) if view is not None else None)
+    if scan is None:
+        return build_grain_set(numbered, size, origin)
+    view = find_field_of_view(scan.load())
+    verdict = _judged(numbered, scan, view)
+    return replace(build_grain_set(numbered, size, origin, view.rim_cutting(numbered)), verdict=verdict)
+
+
+def _judged(labels: Int[np.ndarray, "Z Y X"], scan: Scan, view: FieldOfView) -> SegmentationVerdict | None:
+    """Return the verdict of the scan on labels; None where the scan holds no number in its field of view."""
+    voxels = scan.load()
+    if voxels.dtype.kind == "f":
+        for part, seen in zip(voxels, view.mask, strict=True):
+            if not np.isfinite(part[seen]).all():
+                return None
+    return judge_labels(with_numbers_only(voxels, view, scan.path or "The scan"), labels, view)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from mbstudio.core.errors import ScanError, SegmentationError
 from mbstudio.core.grains.flooding import split_by_necks
 from mbstudio.core.grains.foreground import find_foreground
 from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.grains.judging import agreement_of_splittings, judge_labels
 from mbstudio.core.grains.labelling import (
     build_grain_set,
     fill_label_cavities,
@@ -124,7 +125,7 @@ def segment(
     Returns
     -------
     GrainSet
-        Labels 1..N, each one 26-connected piece without cavities.
+        Labels 1..N, each one 26-connected piece without cavities, with a verdict.
 
     Raises
     ------
@@ -142,33 +143,41 @@ def segment(
     voxels = with_numbers_only(voxels, view, scan.path or "The scan")
     _require_contrast(voxels, scan)
     tell(0.14, "Denoising")
-    mask, parted = find_foreground(
+    foreground = find_foreground(
         scan, voxels, view, threshold=settings.threshold, ranges=settings.ranges, dark=settings.dark,
         denoise_sigma=settings.denoise_sigma,
     )  # fmt: skip
-    del voxels
-    tell(0.40, parted)
-    _fill_pinholes(mask, view)
+    tell(0.40, foreground.words)
+    _fill_pinholes(foreground.mask, view)
     tell(0.50, "Measuring distances")
-    landscape = _distance_map(mask, view, scan.voxel_size)
-    del mask
-    tell(0.60, "Parting touching grains")
+    landscape = _distance_map(foreground.mask, view, scan.voxel_size)
+    words, interfaces, phases = foreground.words, foreground.interfaces, foreground.phases
+    del foreground
+    tell(0.58, "Parting touching grains")
     labels, count = split_by_necks(landscape, settings.splitting, _LEAST_DEPTH)
+    tell(0.75, "Parting them otherwise")
+    agreeing = agreement_of_splittings(landscape, labels, settings.splitting, _LEAST_DEPTH) if count else 0.0
     del landscape
-    tell(0.85, f"Sorting {count:,} pieces")
+    tell(0.82, f"Sorting {count:,} pieces")
     count = _settle_fragments(labels, settings.smallest_voxels)
-    tell(0.92, "Filling cavities")
+    tell(0.88, "Filling cavities")
     fill_label_cavities(labels)
+    verdict = None
+    if count:
+        tell(0.92, "Judging the grains by the scan")
+        verdict = judge_labels(voxels, labels, view, interfaces, phases=phases, splitting_agreement=agreeing)
     if settings.drop_border:
         _, _, _, cut = statistics(labels, view.rim_cutting(labels))
         count = renumber_kept(labels, ~cut)
     if not count:
         raise SegmentationError(
-            f"No grains were found in {scan.path or 'the scan'}. {parted}: "
+            f"No grains were found in {scan.path or 'the scan'}. {words}: "
             "check the threshold, the smallest grain, and whether grains at the border are dropped."
         )
     tell(0.97, "Making the table")
-    grains = build_grain_set(labels, scan.voxel_size, scan.origin, view.rim_cutting(labels))
+    grains = replace(
+        build_grain_set(labels, scan.voxel_size, scan.origin, view.rim_cutting(labels)), verdict=verdict
+    )
     tell(1.0, f"{len(grains):,} grains")
     return grains
 

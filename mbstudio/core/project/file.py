@@ -7,6 +7,7 @@ it. Layout (schema 5); every text is UTF-8, nothing is pickled::
     /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
                      large blocks; voxels, if embedded
     /segmentation    attributes: the settings, None as an empty attribute
+    /grains          attribute: the verdict on the segmentation, as JSON
     /grains/labels   label volume, compressed; attributes: voxel size, unit, origin
     /grains/table    one dataset a column; attribute: order of the columns
     /grains/meshes   see mbstudio.core.project.mesh_table; only of grains of mesh files
@@ -35,7 +36,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import h5py
 import numpy as np
 
-from mbstudio.core.errors import MbstudioError, ProjectError
+from mbstudio.core.errors import MbstudioError, ProjectError, SegmentationError
 from mbstudio.core.imaging.steps import Method
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.kept_table import read_kept, write_kept
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from mbstudio.core.grains.grain_set import GrainSet
+    from mbstudio.core.grains.verdict import SegmentationVerdict
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
@@ -375,6 +377,8 @@ def _read_excerpt(stored: Stored, shape: tuple[int, int, int], header_bytes: int
 def _write_grains(group: h5py.Group, grains: GrainSet) -> None:
     labels = group.create_dataset("labels", data=np.asarray(grains.labels), chunks=True, **_PACKED)
     _write_place(labels, grains.voxel_size, grains.origin)
+    if grains.verdict is not None:
+        group.attrs["verdict"] = json.dumps(grains.verdict.to_record())
     table = group.create_group("table")
     table.attrs["columns"] = list(map(str, grains.table.columns))
     for name, column in grains.table.items():
@@ -401,7 +405,20 @@ def _read_grains(stored: Stored) -> GrainSet:
     meshes = read_meshes(stored.group("meshes")) if "meshes" in stored else MappingProxyType({})
     if not set(meshes) <= set(table["label"].tolist()):
         raise ContentError("grains/meshes holds meshes of grains that there are not")
-    return GrainSet(labels, table, size, origin, meshes)
+    return GrainSet(labels, table, size, origin, meshes, _read_verdict(stored))
+
+
+def _read_verdict(stored: Stored) -> SegmentationVerdict | None:
+    """Return the verdict on the grains; None in files of older versions, and where there is none."""
+    from mbstudio.core.grains.verdict import SegmentationVerdict
+
+    if "verdict" not in stored.attributes():
+        return None
+    record = json_entries(stored.attribute("verdict", str), "attribute verdict of grains")
+    try:
+        return SegmentationVerdict.from_record(record)
+    except SegmentationError as error:
+        raise ContentError(str(error)) from None
 
 
 def _read_table(stored: Stored) -> pd.DataFrame:

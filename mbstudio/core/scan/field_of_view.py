@@ -62,6 +62,14 @@ class FieldOfView:
         return bool(self.footprint.all())
 
     @property
+    def described(self) -> str:
+        """What was seen, in words."""
+        if self.is_whole_box:
+            return "the whole box"
+        share = float(self.footprint.mean())
+        return f"a prism along {'zyx'[self.axis]} over {100 * share:.0f} % of the cross-section"
+
+    @property
     def mask(self) -> Bool[np.ndarray, "Z Y X"]:
         """The field of view as a mask (a read-only view that takes no memory)."""
         return self.over_volume(self.footprint)

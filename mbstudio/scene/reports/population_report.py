@@ -134,6 +134,9 @@ def _describe_measuring(project: Project, populations: ProjectPopulations) -> di
         f"{int(grains.measured.sum())} measured"
         + (f"; {cut} of the chosen are cut off by the scan's border" if cut else ""),
     }
+    if project.grains.verdict is not None:
+        verdict = project.grains.verdict
+        known["Segmentation"] = " ".join([f"Verdict: {verdict.level}.", *verdict.described])
     if avatars is not None:
         fits = [project.fits[int(label)] for label in avatars.labels]
         valid = sum(fit.verdict.valid for fit in fits)

@@ -15,6 +15,7 @@ import pytest
 
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.core.grains.verdict import SegmentationVerdict
 from mbstudio.core.imaging.fast.refine import RefineSettings
 from mbstudio.core.project import ProjectState
 from mbstudio.core.project.file import read_project, write_project
@@ -46,6 +47,12 @@ def test_every_field_comes_back(tmp_path, state):
     path = tmp_path / "sand.mbs"
     write_project(path, state)
     assert_same(state, read_project(path))
+
+
+def test_the_verdict_on_the_grains_comes_back(tmp_path, state):
+    verdict = SegmentationVerdict({"solidity": 0.71, "contrast_to_noise": 3.3}, 2, "the whole box")
+    write_project(tmp_path / "a.mbs", replace(state, grains=replace(state.grains, verdict=verdict)))
+    assert read_project(tmp_path / "a.mbs").grains.verdict == verdict
 
 
 def test_an_automatic_threshold_comes_back_as_none(tmp_path):

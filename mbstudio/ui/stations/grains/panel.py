@@ -19,13 +19,14 @@ from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains import GrainSet
 from mbstudio.core.grains.grey_ranges import read_ranges, write_ranges
 from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.core.grains.verdict import CRITERIA, SegmentationVerdict
 from mbstudio.core.units import unit_label
 from mbstudio.scene.layers.annotations import readable_length
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.factor_words import factor_label
-from mbstudio.ui.widgets.forms import NumberSlider, label, primary_button, quiet_button, row
+from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, quiet_button, row, set_badge
 from mbstudio.ui.widgets.plots import Histogram
 from mbstudio.ui.workspace import Workspace
 
@@ -121,6 +122,8 @@ class GrainPanel(Panel):
     def _make_result(self, theme: Theme) -> None:
         self._count = label("", "figure")
         self._inside = label("", "hint", wrap=True)
+        self.verdict = badge()
+        self._doubts = label("", "hint", wrap=True)
         self._histogram_name = label("", "hint")
         self.histogram = Histogram(theme, tr("Histogram of nominal diameters"))
         self._result = QWidget()
@@ -128,8 +131,13 @@ class GrainPanel(Panel):
         result.setContentsMargins(0, 12, 0, 0)
         result.setSpacing(6)
         result.addWidget(label(tr("Found"), "heading"))
-        result.addWidget(self._count)
+        line = QHBoxLayout()
+        line.addWidget(self._count)
+        line.addStretch(1)
+        line.addWidget(self.verdict)
+        result.addLayout(line)
         result.addWidget(self._inside)
+        result.addWidget(self._doubts)
         result.addSpacing(6)
         result.addWidget(self._histogram_name)
         result.addWidget(self.histogram)
@@ -200,10 +208,26 @@ class GrainPanel(Panel):
             return
         self._count.setText(tr("{count:,} grains", count=len(grains)))
         self._inside.setText(_words_of_meshes(grains) if of_meshes else _words_of_scan(grains))
+        self._show_verdict(grains.verdict)
         diameters = nominal_diameters(grains.table["volume"].to_numpy(float))
         self._histogram_name.setText(f"{factor_label('dn')} [{unit_label(grains.unit)}]")
         self.histogram.set_values(diameters, bins=min(30, max(6, len(grains) // 4)))
         self.histogram.setVisible(len(grains) > 2)
+
+    def _show_verdict(self, verdict: SegmentationVerdict | None) -> None:
+        """Show how well the scan bears the grains out; the figures in a tool tip."""
+        self.verdict.setVisible(verdict is not None)
+        self._doubts.setVisible(verdict is not None and bool(verdict.doubts))
+        if verdict is None:
+            return
+        text, kind = {
+            "green": (tr("● Borne out"), "good"),
+            "amber": (tr("▲ Doubtful"), "amber"),
+            "red": (tr("■ Not borne out"), "bad"),
+        }[verdict.level]
+        set_badge(self.verdict, text, kind)
+        self.verdict.setToolTip(_figures_table(verdict))
+        self._doubts.setText("\n\n".join(verdict.described))
 
     def mark_grain(self, diameter: float | None) -> None:
         """Show where the chosen grain stands among the others."""
@@ -245,3 +269,19 @@ def _words_of_meshes(grains: GrainSet) -> str:
     else:
         words.append(tr("Shown, measured and fitted as voxels of {edge}.", edge=edge))
     return " ".join(words)
+
+
+def _figures_table(verdict: SegmentationVerdict) -> str:
+    """Return the figures of a verdict as a table of a tool tip."""
+    rows = []
+    for criterion in CRITERIA:
+        if criterion.name in verdict.figures:
+            wanted = tr("should be {wanted}", wanted=criterion.wanted)
+            figure = criterion.written(verdict.figures[criterion.name])
+            title = tr(criterion.title)
+            rows.append(
+                f"<tr><td>{title}&nbsp;</td><td align=right>{figure}&nbsp;</td><td>({wanted})</td></tr>"
+            )
+    heading = tr("How well the scan bears the grains out")
+    phases = tr("{count} phases; field of view: {view}", count=verdict.phases, view=verdict.view)
+    return f"<p>{heading}</p><table>{''.join(rows)}</table><p>{phases}</p>"

@@ -94,7 +94,8 @@ class GrainWork(Work):
             count=len(grains),
             inside=inside,
         )
-        self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
+        doubts = grains.verdict.described if grains.verdict is not None else []
+        self.said.emit("warning" if notes or doubts else "success", " ".join((told, *notes, *doubts[:1])))
 
 
 def _notes(told: list[warnings.WarningMessage], kind: type[Warning]) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import pytest
 
 from mbstudio.core.errors import SegmentationError
 from mbstudio.core.grains import SegmentationSettings
-from tests.core.grains.degraded import scanned, scattered
+from tests.core.grains.degraded import packed, scanned, scattered
 
 
 @pytest.mark.parametrize(
@@ -44,3 +44,23 @@ def test_dark_grains_are_found_and_told(window, idle, tmp_path):
     assert len(window.workspace.state.grains) == truth.max()
     assert window.messages.level == "warning"
     assert "darker than what lies between" in window.messages.text
+
+
+def test_the_verdict_is_shown_with_what_to_do(window, idle, tmp_path):
+    np.save(tmp_path / "scan.npy", scanned(packed(5)))
+    window.stations.scan.work.open(tmp_path / "scan.npy", voxel_size="10 um")
+    idle()
+    panel = window.stations.grains.panel
+    window.stations.grains.work.find(SegmentationSettings())
+    idle()
+    assert (panel.verdict.property("badge"), panel.verdict.text()) == ("good", "● Borne out")
+    assert not panel._doubts.isVisibleTo(panel)
+    assert "Contrast to noise" in panel.verdict.toolTip()
+    assert window.messages.level == "success"
+    window.stations.grains.work.find(SegmentationSettings(splitting=0.3))
+    idle()
+    assert panel.verdict.property("badge") == "bad"
+    assert "splitting" in panel._doubts.text()
+    assert window.messages.level == "warning"
+    window.workspace.undo()
+    assert panel.verdict.property("badge") == "good"

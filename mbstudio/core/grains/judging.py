@@ -1,0 +1,273 @@
+"""The figures that a segmentation is judged by."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+from scipy import ndimage
+
+from mbstudio.core.compiled import compiled
+from mbstudio.core.grains.agreement import agreement
+from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.interfaces import Interfaces, find_interfaces
+from mbstudio.core.grains.labelling import statistics, widened_box
+from mbstudio.core.grains.phases import Phases, find_phases
+from mbstudio.core.grains.verdict import SegmentationVerdict
+from mbstudio.core.scan.field_of_view import FieldOfView
+
+_SAMPLED_VOXELS = 60_000  # of the grains' surface
+_SAMPLED_GRAINS = 150
+_FEW, _MANY = 5, 20  # grains
+_REACH = 2.0  # voxels between a surface and where the grey values of its sides are taken
+_AVERAGED = 27  # voxels at each of these places
+_MISSING = 0.3  # share of a grain's own contrast below which its surface is not borne out
+_STRONG = 0.4  # share of the usual contrast from which an edge must be explained
+_OTHER_SPLITTING = 0.07
+_SPLIT_EDGE = 160  # voxels: edge of the box in which touching grains are parted anew
+
+
+def judge_labels(
+    grey: Shaped[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    view: FieldOfView,
+    interfaces: Interfaces | None = None,
+    *,
+    phases: Phases | None = None,
+    splitting_agreement: float | None = None,
+) -> SegmentationVerdict:
+    """Judge grains by the scan that they were found in.
+
+    Parameters
+    ----------
+    grey : array, shape (Z, Y, X)
+        The scan's voxels, finite.
+    labels : int array, shape (Z, Y, X)
+        Grains 1..N, those that the border cuts among them; 0 between them.
+    view : FieldOfView
+    interfaces : Interfaces, optional
+        Those of the scan; found anew by default.
+    phases : Phases, optional
+        Those of the scan; found anew by default.
+    splitting_agreement : float, optional
+        What :func:`agreement_of_splittings` gave, if the grains were parted here.
+    """
+    if interfaces is None:
+        interfaces = find_interfaces(grey.astype(np.float32), view.mask)
+    phases = phases or find_phases(interfaces)
+    voxels, boxes, _, cut = statistics(labels, view.rim_cutting(labels))
+    figures = _surfaces(
+        grey, labels, interfaces, view.mask, has_liquid=bool(phases and phases.liquid is not None)
+    )
+    figures["solidity"] = _median_solidity(labels, boxes, cut)
+    if splitting_agreement is not None:
+        figures["splitting_agreement"] = splitting_agreement
+    figures["median_diameter"] = float(np.median(np.cbrt(6 * voxels / np.pi)))
+    figures["solid_share"] = float(voxels.sum() / max(np.count_nonzero(view.mask), 1))
+    if len(voxels) >= _MANY:
+        figures["cut_by_border"] = float(cut.mean())
+    found = {name: figure for name, figure in figures.items() if np.isfinite(figure)}
+    return SegmentationVerdict(found, phases.count if phases else 0, view.described)
+
+
+def _surfaces(
+    grey: Shaped[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    interfaces: Interfaces,
+    seen: Bool[np.ndarray, "Z Y X"],
+    has_liquid: bool,
+) -> dict[str, float]:
+    """Compare grains' surfaces with the edges of the scan; nothing where none of them is seen."""
+    places = _surface_voxels(labels, seen)
+    if not len(places):
+        return {}
+    steps = _steps(grey, labels, places)
+    if np.median(steps) < 0:
+        steps = -steps
+    contrast = float(np.median(steps))
+    figures = {"contrast_to_noise": contrast / max(interfaces.noise, 1e-300)}
+    owners = labels[tuple(places.T)]
+    usual = np.nan_to_num(ndimage.median(steps, owners, np.arange(int(owners.max()) + 1)))
+    # A grain whose own contrast is no more than noise leaves in a step is not borne out as a whole.
+    least = np.maximum(_MISSING * usual[owners], interfaces.noise / np.sqrt(_AVERAGED))
+    figures["surface_borne_out"] = float((steps > least).mean())
+    strong = interfaces.contrasts > _STRONG * contrast
+    if strong.any():
+        inside, outside = _count_unexplained(labels, interfaces.places[strong].astype(np.int64))
+        figures["edges_inside"] = inside / float(strong.sum())
+        # The outer surface of a liquid is an edge with no grain at it.
+        figures["edges_outside_wet" if has_liquid else "edges_outside"] = outside / float(strong.sum())
+    return figures
+
+
+def _median_solidity(
+    labels: Int[np.ndarray, "Z Y X"], boxes: Int[np.ndarray, "n 6"], cut: Bool[np.ndarray, " n"]
+) -> float:
+    """Return the median share of their convex hulls that grains fill, once smoothed over a voxel; else NaN.
+
+    Grains that the border cuts are left out where enough others are left.
+    """
+    rows = np.flatnonzero(~cut)
+    if len(rows) < _FEW:
+        rows = np.arange(len(boxes))
+    rows = rows[:: -(-len(rows) // _SAMPLED_GRAINS)]
+    found = [_solidity(labels[widened_box(boxes[row])] == row + 1) for row in rows]
+    kept = [value for value in found if value is not None]
+    return float(np.median(kept)) if kept else float("nan")
+
+
+def _solidity(mask: Bool[np.ndarray, "z y x"]) -> float | None:
+    """Return the share of its convex hull that a smoothed mask fills; None where nothing of it is left."""
+    import trimesh
+    from skimage.measure import marching_cubes
+
+    field = ndimage.gaussian_filter(np.pad(mask, 4).astype(np.float32), 1.0)
+    if field.max() <= 0.5:
+        return None
+    corners, faces, _, _ = marching_cubes(field, 0.5, allow_degenerate=False, gradient_direction="ascent")
+    surface = trimesh.Trimesh(corners, faces, process=False)
+    return abs(float(surface.volume)) / float(surface.convex_hull.volume)
+
+
+def agreement_of_splittings(
+    landscape: Float[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    splitting: float,
+    least_depth: float,
+) -> float:
+    """Return the least F1 between grains and those of a little more and a little less splitting.
+
+    Parameters
+    ----------
+    landscape : float array, shape (Z, Y, X)
+        The distance map that touching grains were parted by.
+    labels : int array, shape (Z, Y, X)
+        What came of it.
+    splitting, least_depth : float
+        As they were parted; see :func:`~mbstudio.core.grains.flooding.split_by_necks`.
+
+    Notes
+    -----
+    In large scans this looks at a box about the grain that is nearest to the middle of all.
+    """
+    part = np.ascontiguousarray(landscape[_middle_box(labels)])
+    reference, _ = split_by_necks(part, splitting, least_depth)
+    scores = []
+    for other in (splitting - _OTHER_SPLITTING, splitting + _OTHER_SPLITTING):
+        found, _ = split_by_necks(part, float(np.clip(other, 0.0, 1.0)), least_depth)
+        scores.append(agreement(found, reference).f1)
+    return min(scores)
+
+
+def _middle_box(labels: Int[np.ndarray, "Z Y X"]) -> tuple[slice, ...]:
+    _, boxes, _, _ = statistics(labels)
+    middles = 0.5 * (boxes[:, ::2] + boxes[:, 1::2])
+    chosen = middles[np.square(middles - np.median(middles, axis=0)).sum(axis=1).argmin()]
+    box = []
+    for middle, count in zip(chosen, labels.shape, strict=True):
+        start = int(np.clip(middle - _SPLIT_EDGE / 2, 0, max(count - _SPLIT_EDGE, 0)))
+        box.append(slice(start, start + _SPLIT_EDGE))
+    return tuple(box)
+
+
+def _surface_voxels(
+    labels: Int[np.ndarray, "Z Y X"], seen: Bool[np.ndarray, "Z Y X"]
+) -> Int[np.ndarray, "m 3"]:
+    """Return some of the grains' voxels that border on void, evenly spread in the order of the scan."""
+    count = _walk_surface(labels, seen, 1, np.empty((0, 3), np.int64))
+    step = max(1, -(-count // _SAMPLED_VOXELS))
+    places = np.empty((-(-count // step), 3), np.int64)
+    _walk_surface(labels, seen, step, places)
+    return places
+
+
+@compiled()
+def _walk_surface(  # pragma: no cover - compiled
+    labels: np.ndarray, seen: np.ndarray, step: int, places: np.ndarray
+) -> int:
+    nz, ny, nx = labels.shape
+    margin = 4
+    count = 0
+    for z in range(margin, nz - margin):
+        for y in range(margin, ny - margin):
+            for x in range(margin, nx - margin):
+                if labels[z, y, x] == 0:
+                    continue
+                if (
+                    labels[z - 1, y, x] and labels[z + 1, y, x]
+                    and labels[z, y - 1, x] and labels[z, y + 1, x]
+                    and labels[z, y, x - 1] and labels[z, y, x + 1]
+                ):  # fmt: skip
+                    continue
+                # Grains are cut off at the rim of the field of view.
+                if not (
+                    seen[z - margin, y, x] and seen[z + margin, y, x]
+                    and seen[z, y - margin, x] and seen[z, y + margin, x]
+                    and seen[z, y, x - margin] and seen[z, y, x + margin]
+                ):  # fmt: skip
+                    continue
+                if count % step == 0 and count // step < len(places):
+                    places[count // step, 0], places[count // step, 1], places[count // step, 2] = z, y, x
+                count += 1
+    return count
+
+
+def _steps(
+    grey: Shaped[np.ndarray, "Z Y X"], labels: Int[np.ndarray, "Z Y X"], places: Int[np.ndarray, "m 3"]
+) -> Float[np.ndarray, " m"]:
+    """Return the grey value inside less that outside, at places on surfaces."""
+    middles = np.empty((2, len(places), 3), np.int64)
+    _place_sides(labels, places, _REACH, middles)
+    sides = np.zeros((2, len(places)))
+    for offset in np.ndindex(3, 3, 3):
+        at = np.moveaxis(middles + (np.array(offset) - 1), -1, 0)
+        sides += grey[at[0], at[1], at[2]]
+    return np.asarray((sides[0] - sides[1]) / _AVERAGED)
+
+
+@compiled()
+def _place_sides(  # pragma: no cover - compiled
+    labels: np.ndarray, places: np.ndarray, reach: float, middles: np.ndarray
+) -> None:
+    """Find the voxels that lie inside and outside of a surface, along its normal."""
+    for row in range(len(places)):
+        z, y, x = places[row, 0], places[row, 1], places[row, 2]
+        # From void to solid: the mean direction of the solid in a cube of five voxels.
+        a, b, c = 0.0, 0.0, 0.0
+        for i in range(-2, 3):
+            for j in range(-2, 3):
+                for k in range(-2, 3):
+                    if labels[z + i, y + j, x + k]:
+                        a += i
+                        b += j
+                        c += k
+        length = np.sqrt(a * a + b * b + c * c)
+        if length == 0.0:
+            a, length = 1.0, 1.0
+        for side in range(2):
+            # The surface lies half a voxel beyond the middle of the last voxel of the solid.
+            far = (reach - 0.5 if side == 0 else -(reach + 0.5)) / length
+            middles[side, row, 0] = round(z + far * a)
+            middles[side, row, 1] = round(y + far * b)
+            middles[side, row, 2] = round(x + far * c)
+
+
+@compiled()
+def _count_unexplained(labels: np.ndarray, places: np.ndarray) -> tuple[int, int]:  # pragma: no cover
+    """Count edges about which all is one grain, and those about which there is no grain."""
+    nz, ny, nx = labels.shape
+    inside, outside = 0, 0
+    for row in range(len(places)):
+        z, y, x = places[row, 0], places[row, 1], places[row, 2]
+        label = labels[z, y, x]
+        alone = True
+        for i in range(max(z - 2, 0), min(z + 3, nz)):
+            for j in range(max(y - 2, 0), min(y + 3, ny)):
+                for k in range(max(x - 2, 0), min(x + 3, nx)):
+                    near = (i - z) ** 2 + (j - y) ** 2 + (k - x) ** 2 <= 5
+                    alone = alone and (labels[i, j, k] == label or not near)
+        if alone:
+            if label:
+                inside += 1
+            else:
+                outside += 1
+    return inside, outside

@@ -1,0 +1,240 @@
+"""The verdict on a segmentation: whether the scan bears out the grains that were found.
+
+It does not depend on how the grains were found. Grey values are compared with labels at the grains'
+surfaces, and wherever else the scan shows a sharp change; shapes are compared with what grains look like;
+and touching grains are parted again, a little more and a little less readily.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from mbstudio.core.errors import SegmentationError
+from mbstudio.core.translation import mark
+
+Level = Literal["green", "amber", "red"]
+LEVELS: tuple[Level, ...] = ("green", "amber", "red")
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What one figure says about a segmentation.
+
+    Attributes
+    ----------
+    name : str
+        Key in records, such as ``contrast_to_noise``.
+    title : str
+    amber, red : float
+        From where on the figure is doubtful, and bad.
+    is_high_good : bool
+        Whether figures below `amber` are doubtful, rather than those above it.
+    advice : str
+        What to do where it is doubtful.
+    is_share : bool
+        Whether the figure is written in percent.
+    """
+
+    name: str
+    title: str
+    amber: float
+    red: float
+    is_high_good: bool
+    advice: str
+    is_share: bool = False
+
+    def level_of(self, figure: float) -> Level:
+        """Return how good a figure is."""
+        sign = 1.0 if self.is_high_good else -1.0
+        if sign * figure < sign * self.red:
+            return "red"
+        return "amber" if sign * figure < sign * self.amber else "green"
+
+    def written(self, figure: float) -> str:
+        """Return a figure as it is read."""
+        return f"{100 * figure:.0f} %" if self.is_share else f"{figure:.2g}"
+
+    @property
+    def wanted(self) -> str:
+        """Which figures are green, in words."""
+        return f"{self.written(self.amber)} or {'more' if self.is_high_good else 'less'}"
+
+
+# The limits were set by scans with known grains; benchmarks/segmentation_verdict.py tells how well they part
+# good segmentations from bad ones on other scans.
+CRITERIA: tuple[Criterion, ...] = (
+    Criterion(
+        "contrast_to_noise",
+        mark("Contrast to noise"),
+        0.9,
+        0.6,
+        True,
+        "Noise hides the surfaces: smooth more, bin the scan, or scan longer.",
+    ),
+    Criterion(
+        "surface_borne_out",
+        mark("Surface with a change in grey value"),
+        0.88,
+        0.75,
+        True,
+        "Grains end where the scan shows no edge: state a threshold, or crop away what is uneven.",
+        is_share=True,
+    ),
+    Criterion(
+        "edges_inside",
+        mark("Edges inside grains"),
+        0.05,
+        0.12,
+        False,
+        "Grains hold sharp edges, as if a liquid around them were taken for grain: state the grey values of "
+        "the grains as a range.",
+        is_share=True,
+    ),
+    Criterion(
+        "edges_outside",
+        mark("Edges outside all grains"),
+        0.1,
+        0.3,
+        False,
+        "The scan shows bodies that are no grains here: lower the smallest grain, or state the threshold.",
+        is_share=True,
+    ),
+    Criterion(
+        "edges_outside_wet",
+        mark("Edges outside all grains, with a liquid"),
+        0.3,
+        0.5,
+        False,
+        "The scan shows more than a liquid between the grains: state the threshold.",
+        is_share=True,
+    ),
+    Criterion(
+        "solidity",
+        mark("Median solidity"),
+        0.8,
+        0.65,
+        True,
+        "Grains are hollow or ragged beyond the ordinary: check whether they are the bright or the dark "
+        "side, the threshold, and the splitting.",
+    ),
+    Criterion(
+        "splitting_agreement",
+        mark("Agreement with other splittings"),
+        0.93,
+        0.75,
+        True,
+        "Which grains are one depends on the splitting: look at them, and move it until necks are cut and "
+        "grains are whole.",
+        is_share=True,
+    ),
+    Criterion(
+        "median_diameter",
+        mark("Median diameter in voxels"),
+        8.0,
+        5.0,
+        True,
+        "Grains are hardly resolved: scan with smaller voxels.",
+    ),
+    Criterion(
+        "cut_by_border",
+        mark("Grains cut by the border"),
+        0.98,
+        1.01,
+        False,
+        "Hardly any grain is whole: take a larger region.",
+        is_share=True,
+    ),
+    Criterion(
+        "solid_share",
+        mark("Solid share of the field of view"),
+        0.8,
+        0.95,
+        False,
+        "Pores hardly remain: check the threshold, and whether grains are the bright or the dark side.",
+        is_share=True,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class SegmentationVerdict:
+    """What the scan says of the grains that were found in it.
+
+    Attributes
+    ----------
+    figures : mapping of str to float
+        By the criteria's names; what could not be measured is left out.
+    phases : int
+        Number of phases seen: void, liquid, and each tone of grains; 0 if unknown.
+    view : str
+        The field of view in words.
+    """
+
+    figures: Mapping[str, float]
+    phases: int = 0
+    view: str = ""
+
+    def level_of(self, criterion: Criterion) -> Level:
+        """Return how good one figure is; green where it was not measured."""
+        figure = self.figures.get(criterion.name)
+        return "green" if figure is None else criterion.level_of(figure)
+
+    @property
+    def level(self) -> Level:
+        """The worst of all levels."""
+        return max((self.level_of(criterion) for criterion in CRITERIA), key=LEVELS.index)
+
+    @property
+    def doubts(self) -> list[Criterion]:
+        """Criteria that are not green, the worst first."""
+        found = [criterion for criterion in CRITERIA if self.level_of(criterion) != "green"]
+        return sorted(found, key=lambda criterion: -LEVELS.index(self.level_of(criterion)))
+
+    @property
+    def described(self) -> list[str]:
+        """Each doubt in a sentence or two: the figure, what it should be, and what to do."""
+        return [
+            f"{criterion.title}: {criterion.written(self.figures[criterion.name])}, should be "
+            f"{criterion.wanted}. {criterion.advice}"
+            for criterion in self.doubts
+        ]
+
+    def to_record(self) -> dict[str, Any]:
+        """Return the verdict for JSON: level, figures, and for each doubt what to do."""
+        return {
+            "level": self.level,
+            "phases": self.phases,
+            "field_of_view": self.view,
+            "figures": {name: float(figure) for name, figure in self.figures.items()},
+            "doubts": [
+                {
+                    "criterion": criterion.name,
+                    "level": self.level_of(criterion),
+                    "figure": float(self.figures[criterion.name]),
+                    "limit": criterion.amber,
+                    "advice": criterion.advice,
+                }
+                for criterion in self.doubts
+            ],
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> SegmentationVerdict:
+        """Return the verdict that a record of :meth:`to_record` describes, by today's limits.
+
+        Raises
+        ------
+        SegmentationError
+            If it is no such record.
+        """
+        figures, phases = record.get("figures"), record.get("phases")
+        known = {criterion.name for criterion in CRITERIA}
+        if not isinstance(figures, dict) or not isinstance(phases, int):
+            raise SegmentationError("The verdict on the segmentation is none: find the grains again.")
+        for name, figure in figures.items():
+            if name not in known or not isinstance(figure, int | float) or not math.isfinite(figure):
+                raise SegmentationError(f"The verdict's figure '{name}' is none: find the grains again.")
+        return cls(dict(figures), phases, str(record.get("field_of_view", "")))
