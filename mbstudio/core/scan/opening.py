@@ -45,7 +45,8 @@ def open_scan(
     ----------
     path : str or Path
         A multi-page TIFF, a folder of slices (TIFF, PNG, BMP or JPEG, in the order of their
-        numbers), RAW, NPY, NRRD, MetaImage (MHD, MHA), NIfTI or HDF5 file, or a folder of DICOM or OME-Zarr.
+        numbers), RAW, NPY, NRRD, MetaImage (MHD, MHA), NIfTI or HDF5 file, a folder of DICOM or OME-Zarr,
+        or a volume of a scanner (VGI, XTEKCT, PCR, TXM) or of Avizo (AM).
         One of several arrays is named behind a colon: ``scan.h5:/entry/data``, ``scan.zarr:c=1``.
     voxel_size : str, float, sequence of float or VoxelSize, optional
         ``"14 um"``, ``"20 x 14 x 14 um"`` (z, y, x) or numbers with `unit`. It overrides what

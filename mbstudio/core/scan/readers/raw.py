@@ -64,7 +64,10 @@ def read(path: Path, options: ReadOptions) -> Reading:
 
 def describes_itself(path: Path) -> bool:
     """Return whether a RAW file's name, or a file beside it, seems to say shape and type of its voxels."""
-    return says_shape(path) or _is_description(path) or is_described(path)
+    try:
+        return says_shape(path) or _is_description(path) or is_described(path)
+    except (ScanError, OSError):
+        return True  # something is there that cannot be read: opening the file says what
 
 
 def _described(path: Path, options: ReadOptions) -> Reading | None:

@@ -10,6 +10,7 @@ import numpy as np
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import picture, tiff
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.scan.readers.side_cars.beside_slices import size_beside_slices
 from mbstudio.core.scan.readers.skyscan import find_log
 from mbstudio.core.scan.readers.slice_names import SliceOrder, order_slices
 from mbstudio.core.scan.slice_stack import SliceStack
@@ -61,6 +62,14 @@ def read(path: Path, options: ReadOptions) -> Reading:
             notes=(*notes, *log.notes),
             white_is_zero=white_is_zero,
         )
+    beside = size_beside_slices(path, stack.shape)
+    if beside is not None:
+        notes = (*notes, *beside.notes)
+        if beside.spacing is not None:
+            return Reading(
+                stack, beside.spacing, beside.unit, beside.unit_word, metadata=beside.metadata, notes=notes,
+                white_is_zero=white_is_zero,
+            )  # fmt: skip
     if files[0].suffix.lower() not in TIFF_SUFFIXES:
         return Reading(stack, notes=notes, white_is_zero=white_is_zero)
     size = tiff.stated_size_of(files[0])

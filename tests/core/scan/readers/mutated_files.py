@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-SECONDS = 20
+# A file may take so many seconds of the processor, and of the clock where it waits: a busy machine is slow.
+SECONDS, SECONDS_OF_WAITING = 20, 240
 BYTES = 4 << 30
 REPOSITORY = Path(__file__).resolve().parents[4]
 # What is put into files beside random bytes: numbers at the edge, and signs that formats use.
@@ -139,7 +140,9 @@ def _try_once(
     for name in names:
         (folder / name).write_bytes(content if name == chosen else files[name])
     for name in opened:
-        signal.alarm(SECONDS)  # its default action ends this process
+        # What these send ends this process.
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        signal.alarm(SECONDS_OF_WAITING)
         try:
             _open(folder / name, bool(rng.integers(2)))
         except MbstudioError as error:
@@ -150,6 +153,7 @@ def _try_once(
             kept.write_bytes(content)
             found.append(f"{chosen} (kept as {kept}), opening {name}: {traceback.format_exc()[-900:]}")
         finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
             signal.alarm(0)
 
 
