@@ -39,7 +39,7 @@ class _Source(Protocol):
     def entries(self) -> Any:
         """Return the next piece, which is JSON."""
 
-    def block(self, length: int) -> bytes | bytearray:
+    def block(self, length: int) -> bytes | bytearray | memoryview:
         """Return the next piece, of so many bytes."""
 
 
@@ -124,9 +124,9 @@ class _Here:
         self._pieces = hdf5_walk.walk(stream, wanted)
 
     def entries(self) -> Any:
-        return json.loads(next(self._pieces)[8:])
+        return json.loads(bytes(next(self._pieces)[8:]))
 
-    def block(self, length: int) -> bytes:
+    def block(self, length: int) -> bytes | memoryview:
         piece = next(self._pieces)
         if len(piece) != length:
             raise hdf5_walk.RefusedError("a dataset is not as long as it should be")
@@ -140,20 +140,26 @@ class _Elsewhere:
         self._path = path
         stream.seek(0)
         search = os.pathsep.join(entry for entry in sys.path if entry)
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-S", hdf5_walk.__file__, wanted],
-            stdin=stream,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            # No plug-ins: a file would be unpacked by a filter that it names itself.
-            env={
-                **os.environ,
-                "PYTHONPATH": search,
-                "HDF5_PLUGIN_PRELOAD": "::",
-                "OPENBLAS_NUM_THREADS": "1",
-            },
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-S", hdf5_walk.__file__, wanted],
+                stdin=stream,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                # No plug-ins: a file would be unpacked by a filter that it names itself.
+                env={
+                    **os.environ,
+                    "PYTHONPATH": search,
+                    "HDF5_PLUGIN_PRELOAD": "::",
+                    "OPENBLAS_NUM_THREADS": "1",
+                },
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except OSError as error:
+            raise ProjectError(
+                f"{path} was not written by your mbstudio, and the program that reads such files safely cannot "
+                f"be started ({error}): install mbstudio into a Python of its own."
+            ) from error
         self._heard = time.monotonic()
         self._was_late = False
         self._over = threading.Event()
