@@ -157,8 +157,8 @@ class _Elsewhere:
             )
         except OSError as error:
             raise ProjectError(
-                f"{path} was not written by your mbstudio, and the program that reads such files safely cannot "
-                f"be started ({error}): install mbstudio into a Python of its own."
+                f"{path} was not written by your mbstudio, and the program that reads such files safely "
+                f"cannot be started ({error}): install mbstudio into a Python of its own."
             ) from error
         self._heard = time.monotonic()
         self._was_late = False
