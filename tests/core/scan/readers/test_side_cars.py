@@ -124,6 +124,13 @@ def test_types_of_vgi(tmp_path: Path, volume: np.ndarray, kind: str, bits: int, 
     check(tmp_path / "s.vgi", voxels, (0.02, 0.01, 0.01))
 
 
+def test_what_else_a_vgi_says_is_of_no_matter(tmp_path: Path, volume: np.ndarray) -> None:
+    text = VGI.replace("[description]", "[view]\nsize = 800 600\nunit = pixel\n[description]")
+    text = text.replace("Datatype = unsigned integer\n", "").replace("BitsPerElement = 16\n", "")
+    write(tmp_path, volume, vgi=text)
+    check(tmp_path / "s.vgi", volume, (0.02, 0.01, 0.01))
+
+
 def test_vgi_with_header_and_other_units(tmp_path: Path, volume: np.ndarray) -> None:
     text = VGI.replace("SkipHeader = 0", "SkipHeader = 3").replace("unit = mm", "unit = µm")
     write(tmp_path, volume, vgi=text.replace("0.01 0.01 0.02", "10 10 20"))

@@ -55,7 +55,8 @@ def describe_vgi(path: Path, data: Path | None) -> RawLayout:
         )
     # What a file holds stands in [file1]; [representation] says the same of the volume.
     where = files[0] if files else "representation"
-    sizes = {said.counts(text.split(), "size") for text in said.values("size")}
+    texts = (*said.values("size", "representation"), *said.values("size", where))
+    sizes = {said.counts(text.split(), "size") for text in texts}
     if len(sizes) > 1:
         one, other = sorted(sizes)[:2]
         raise ScanError(
@@ -116,8 +117,9 @@ def _named(path: Path, name: str | None) -> tuple[Path, tuple[str, ...]]:
 
 
 def _vgi_type(said: KeyValues, where: str) -> np.dtype[Any] | None:
-    bits = whole_number(said.value("bitsperelement", where) or "")
-    kind = (said.value("datatype", where) or "").lower()
+    volume = "representation"
+    bits = whole_number(said.value("bitsperelement", where) or said.value("bitsperelement", volume) or "")
+    kind = (said.value("datatype", where) or said.value("datatype", volume) or "").lower()
     if bits is None and not kind:
         return None
     if "float" in kind or "double" in kind or "real" in kind:
