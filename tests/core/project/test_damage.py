@@ -16,6 +16,7 @@ def path(tmp_path, state):
     return tmp_path / "sand.mbs"
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("flips", [500, pytest.param(5_000, marks=pytest.mark.full)])
 def test_every_flipped_bit_is_told(path, rng, monkeypatch, flips):
     monkeypatch.setattr("h5py.File", lambda *_, **__: pytest.fail("a damaged file reached HDF5"))

@@ -147,6 +147,10 @@ def a_named_type(file):
     file["fits/x"] = np.dtype("f8")
 
 
+def a_name_that_is_none(file):
+    h5py.h5g.create(file.id, b"\xff\xfe")
+
+
 def many_parts(file):
     for index in range(10_001):
         file.create_group(f"fits/g{index}")
@@ -177,6 +181,7 @@ NEVER_WRITTEN = [
     (a_record, "holds neither numbers nor texts"),
     (lists_of_numbers, "holds neither numbers nor texts"),
     (a_named_type, "is neither a group nor a dataset"),
+    (a_name_that_is_none, "has an impossible name"),
     (many_parts, "more than 10000 parts"),
     (groups_in_groups, "more than 8 deep"),
 ]
