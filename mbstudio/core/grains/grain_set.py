@@ -32,9 +32,9 @@ class GrainSet:
         0 outside all grains, else the grain's label.
     table : pandas.DataFrame
         One row a grain, in the order of its labels, with the columns ``label``, ``voxels``,
-        ``volume`` (unit**3), ``z0, z1, y0, y1, x0, x1`` (bounding box in voxels, half open),
-        ``x, y, z`` (centroid in unit) and ``touches_border``; grains of mesh files also have a ``name``
-        and the ``file`` that they came from.
+        ``volume`` (unit**3; of a mesh exactly, else by counting voxels), ``z0, z1, y0, y1, x0, x1``
+        (bounding box in voxels, half open), ``x, y, z`` (centroid in unit) and ``touches_border``; grains
+        of mesh files also have a ``name`` and the ``file`` that they came from.
     voxel_size : VoxelSize
     origin : tuple of float
         Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.

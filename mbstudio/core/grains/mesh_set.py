@@ -223,4 +223,5 @@ def _described(
         )
         for array in (meshes[label].vertices, meshes[label].faces):
             array.flags.writeable = False
+    grains.table["volume"] = [float(body.volume) for body in bodies]  # exactly, not by counting voxels
     return replace(grains, meshes=MappingProxyType(meshes))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from mbstudio.core.errors import GrainError, GrainWarning, UnitError
 from mbstudio.core.grains.pieces import label_pieces, largest_piece, without_cavities
@@ -20,6 +21,14 @@ from mbstudio.core.units import VoxelSize, parse_unit
 
 if TYPE_CHECKING:
     import trimesh
+
+
+_TRUE = 0.002
+"""Share by which the volume of voxels may differ from the mesh's before they are laid otherwise."""
+_TOLD = 0.03
+"""Share that is told."""
+_ROUNDED = 0.02
+"""Share of a voxel that is as good as none or a whole one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +114,12 @@ def voxelise_body(
     low, high = np.asarray(body.bounds)
     edge = edge or float((high - low).max()) / int(resolution)
     counts = np.maximum(np.ceil((high - low) / edge - 1e-9).astype(int), 1)
-    first = (low + high) / 2 - edge * (counts - 1) / 2
-    if corner is not None:
+    if corner is None:
+        inside, first = _nearest_in_volume(body, edge, counts)
+    else:
+        first = (low + high) / 2 - edge * (counts - 1) / 2
         first = corner + np.floor((first - corner) / edge) * edge
-        counts += 1
-    inside = voxelise(
-        body.vertices, body.faces, first, edge, (int(counts[2]), int(counts[1]), int(counts[0]))
-    )
+        inside = _voxels_of(body, edge, first, counts + 1)
     if not inside.any():
         raise GrainError(
             f"{source} is too thin for a resolution of {int(counts.max())} voxels: raise the resolution."
@@ -126,6 +134,8 @@ def voxelise_body(
             stacklevel=3,
         )
         inside = largest_piece(inside)
+    else:
+        _tell_other_volume(inside, edge, body, source)
     if cavities == "fill":
         # A cavity here would be a tunnel narrower than a voxel, closed by the sampling.
         inside = without_cavities(inside)
@@ -136,3 +146,49 @@ def voxelise_body(
         name or body.metadata.get("name") or "grain",
         round(body.metadata.get("filled_volume", 0.0) / edge**3),
     )
+
+
+def _nearest_in_volume(
+    body: trimesh.Trimesh, edge: float, counts: Int[np.ndarray, "3"]
+) -> tuple[Bool[np.ndarray, "Z Y X"], Float[np.ndarray, "3"]]:
+    """Return the voxels about a body's middle whose volume is nearest to the body's, and where they begin.
+
+    A flat face along the grid takes in a layer of voxels or leaves it out as a whole. Where the volume
+    shows that, each axis is tried with one voxel less.
+    """
+    low, high = np.asarray(body.bounds)
+    lengths = (high - low) / edge
+    middle = (low + high) / 2
+    may_be_less = (counts > 1) & (counts - lengths > _ROUNDED) & (lengths - (counts - 1) > _ROUNDED)
+    found = None
+    for less in product(*((0, 1) if more else (0,) for more in may_be_less)):
+        tried = counts - np.array(less)
+        first = middle - edge * (tried - 1) / 2
+        inside = _voxels_of(body, edge, first, tried)
+        error = abs(np.count_nonzero(inside) * edge**3 / body.volume - 1)
+        if found is None or error < found[0]:
+            found = (error, inside, first)
+        if found[0] < _TRUE:
+            break
+    assert found is not None
+    return found[1], found[2]
+
+
+def _voxels_of(
+    body: trimesh.Trimesh, edge: float, first: Float[np.ndarray, "3"], counts: Int[np.ndarray, "3"]
+) -> Bool[np.ndarray, "Z Y X"]:
+    x, y, z = (int(count) for count in counts)
+    return voxelise(body.vertices, body.faces, first, edge, (z, y, x))
+
+
+def _tell_other_volume(
+    inside: Bool[np.ndarray, "Z Y X"], edge: float, body: trimesh.Trimesh, source: str
+) -> None:
+    error = np.count_nonzero(inside) * edge**3 / body.volume - 1
+    if abs(error) > _TOLD:
+        warnings.warn(
+            f"{source} has {abs(error):.1%} {'more' if error > 0 else 'less'} volume as voxels than as a "
+            "mesh: raise the resolution.",
+            GrainWarning,
+            stacklevel=4,
+        )

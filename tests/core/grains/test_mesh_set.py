@@ -165,10 +165,11 @@ def test_bodies_of_one_file_keep_their_surfaces_in_place(tmp_path):
     np.testing.assert_allclose(alone.meshes[1].to_trimesh("mm").center_mass, (10.3, 0, 0), atol=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:.*volume as voxels:mbstudio.core.errors.GrainWarning")
 def test_a_unit_is_assumed_where_a_file_knows_none(stones):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = grain_set_from_meshes([stones / "stone0.ply", stones / "stone4.glb"], 12, assumed_unit="m")
+        found = grain_set_from_meshes([stones / "stone0.ply", stones / "stone4.glb"], 30, assumed_unit="m")
     assert found.unit == "m"
     with pytest.warns(GrainWarning, match="less than 6 voxels"):
         mixed = grain_set_from_meshes([stones / "stone0.ply", stones / "stone4.glb"], 12, assumed_unit="cm")
@@ -213,3 +214,23 @@ def test_voxels_of_grains_are_cut_like_a_scan(three):
     np.testing.assert_array_equal(scan.load(), three.labels > 0)
     np.testing.assert_array_equal(scan.voxels[5, 2:9], three.labels[5, 2:9] > 0)
     assert (scan.shape, scan.voxel_size) == (three.labels.shape, three.voxel_size)
+
+
+def test_flat_faces_along_the_grid_keep_the_volume(tmp_path, rng):
+    """A face along the grid takes in a layer of voxels as a whole: which ones, the volume decides."""
+    for number in range(6):
+        size = rng.uniform(0.5, 1, 3)
+        box = trimesh.creation.box(size)
+        alone = Grain.from_mesh(box, 60, "mm")
+        assert alone.volume == pytest.approx(box.volume, rel=0.01)
+        box.export(tmp_path / f"box{number}.stl")
+    found = grain_set_from_meshes(tmp_path, 60, "mm")
+    for grain, exact in zip(found, found.table["volume"], strict=True):
+        assert grain.volume == pytest.approx(exact, rel=0.015)
+
+
+def test_voxels_of_another_volume_are_told(tmp_path):
+    plate = trimesh.creation.box((1, 1, 0.055))
+    with pytest.warns(GrainWarning, match=r"has 9\.1% less volume as voxels than as a mesh: raise the resol"):
+        grain = Grain.from_mesh(plate, 20, "mm")
+    assert grain.mask.shape[0] == 1

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from mbstudio.core.errors import GrainWarning, MeshError
 from mbstudio.core.grains import Grain
-from mbstudio.core.meshes.bodies import separate_bodies
+from mbstudio.core.meshes.bodies import read_bodies, separate_bodies
+from mbstudio.core.meshes.closing import closed_shells
+from mbstudio.core.meshes.reading import read_mesh_data
 from mbstudio.core.metrics import measure
 from tests.core.meshes.mesh_writing import voxel_surface
 
@@ -305,3 +307,53 @@ def test_scenes_are_joined_and_other_things_refused():
     for nothing in (None, 5, trimesh.PointCloud(box.vertices)):
         with pytest.raises(MeshError, match="no triangle mesh"):
             Grain.from_mesh(nothing, 12, unit="mm")
+
+
+def box_with_a_void_at_its_surface():
+    """A cube of edge 4 with a void, a tetrahedron of 4/3, that touches the upper face along an edge."""
+    vertices = np.array(
+        [(0, 0, 4), (4, 0, 4), (4, 4, 4), (0, 4, 4), (1, 2, 4), (3, 2, 4),
+         (0, 0, 0), (4, 0, 0), (4, 4, 0), (0, 4, 0), (2, 1, 2), (2, 3, 2)], float,
+    )  # fmt: skip
+    upper = [(0, 1, 5), (0, 5, 4), (1, 2, 5), (2, 4, 5), (2, 3, 4), (3, 0, 4)]
+    others = [
+        (6, 8, 7), (6, 9, 8), (0, 6, 7), (0, 7, 1), (1, 7, 8), (1, 8, 2), (2, 8, 9), (2, 9, 3), (3, 9, 6),
+        (3, 6, 0),
+    ]  # fmt: skip
+    void = [(4, 5, 10), (4, 11, 5), (4, 10, 11), (5, 11, 10)]
+    return vertices, np.array(upper + others + void)
+
+
+def test_a_void_that_touches_the_surface_along_an_edge_is_a_cavity():
+    """As public scans of stones have it: that edge is one of four triangles, and nothing is open."""
+    vertices, faces = box_with_a_void_at_its_surface()
+    notes = []
+    (filled,) = separate_bodies(vertices, faces, "stone", notes=notes)
+    assert filled.volume == pytest.approx(64)
+    assert "1 enclosed cavity (2.08% of its volume)" in notes[0]
+    (kept,) = separate_bodies(vertices, faces, "stone", cavities="keep")
+    assert kept.volume == pytest.approx(64 - 4 / 3)
+
+
+def winding_number(place, points, faces):
+    """How often a surface goes around a place, by the solid angles of its triangles."""
+    a, b, c = (points[faces[:, corner]] - place for corner in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    up = np.einsum("ij,ij->i", a, np.cross(b, c))
+    down = la * lb * lc + sum(
+        np.einsum("ij,ij->i", *pair) * length for pair, length in (((a, b), lc), ((b, c), la), ((c, a), lb))
+    )
+    return 2 * np.arctan2(up, down).sum() / (4 * np.pi)
+
+
+def test_cavities_of_a_scanned_stone_are_there(shared_data):
+    """Where shells lie within the stone, its file goes around nothing: they are cavities, as is told."""
+    data = read_mesh_data(shared_data / "stones" / "stone_A13.ply")
+    shells = closed_shells(data.vertices, data.faces, data.parts, "A13", [])
+    for void in shells[1:]:
+        middle = void.points.mean(axis=0)  # of convex ones, as these are
+        assert abs(winding_number(middle, void.points, void.faces)) == pytest.approx(1, abs=1e-6)
+        assert winding_number(middle, shells[0].points, shells[0].faces) == pytest.approx(1, abs=1e-6)
+        assert winding_number(middle, data.vertices, data.faces) == pytest.approx(0, abs=1e-6)
+    with pytest.warns(GrainWarning, match=r"2 enclosed cavities \(0\.09% of its volume\)"):
+        read_bodies(shared_data / "stones" / "stone_A13.ply", "mm")

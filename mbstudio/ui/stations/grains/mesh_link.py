@@ -17,7 +17,7 @@ from mbstudio.core.meshes.reading import is_mesh_file
 from mbstudio.scene.layers.annotations import readable_length
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.grains.mesh_dialog import MeshDialog
-from mbstudio.ui.stations.grains.mesh_summary import MeshSummary
+from mbstudio.ui.stations.grains.mesh_summary import MeshSummary, short_note
 from mbstudio.ui.stations.grains.mesh_work import FirstStone, LeftOut, MeshWork, OpenedMeshes
 from mbstudio.ui.studio import Level, Studio
 
@@ -101,7 +101,7 @@ class MeshLink(QObject):
             shown = ", ".join(names[:NAMED]) + (" …" if len(names) > NAMED else "")
             words.append(tr("{count} left out: {names}.", count=len(names), names=shown))
         if len(opened.notes) == 1:
-            words.append(opened.notes[0])
+            words.append(short_note(opened.notes[0], opened))
         elif opened.notes:
             words.append(tr("{count} remarks on the files.", count=len(opened.notes)))
         level: Level = "success"

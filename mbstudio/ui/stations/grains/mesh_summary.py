@@ -6,9 +6,12 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QVBoxLayout, QWidget
 
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.grains.mesh_work import OpenedMeshes
 from mbstudio.ui.widgets.forms import label
+
+_WINDOW_WORDS = (("pass cavities='keep' (--cavities keep) to keep", mark("choose “Keep as voids” to keep")),)
+"""What the command line has an option for, and the window a choice in the dialog."""
 
 
 class MeshSummary(QDialog):
@@ -45,8 +48,7 @@ def summary_of(opened: OpenedMeshes) -> str:
         told = [_named(path, reason) for path, reason in opened.left_out]
         parts.append("\n\n".join((tr("Left out ({count})", count=len(told)), *told)))
     if opened.notes:
-        files = set() if opened.grains is None else {str(name) for name in opened.grains.table["file"]}
-        notes = [_short(note, files) for note in opened.notes]
+        notes = [short_note(note, opened) for note in opened.notes]
         parts.append("\n\n".join((tr("Taken, with remarks ({count})", count=len(notes)), *notes)))
     return "\n\n\n".join(parts)
 
@@ -57,8 +59,11 @@ def _named(path: Path, reason: str) -> str:
     return told if path.name in told else f"{path.name}: {told}"
 
 
-def _short(note: str, files: set[str]) -> str:
-    """Return a note with the names of its files instead of their whole paths."""
+def short_note(note: str, opened: OpenedMeshes) -> str:
+    """Return a note with the names of its files instead of their whole paths, and in the window's words."""
+    files = set() if opened.grains is None else {str(name) for name in opened.grains.table["file"]}
     for file in sorted(files, key=len, reverse=True):
         note = note.replace(file, Path(file).name)
+    for option, words in _WINDOW_WORDS:
+        note = note.replace(option, tr(words))
     return note

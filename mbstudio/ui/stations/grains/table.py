@@ -129,6 +129,8 @@ class GrainTableModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ToolTipRole:
             if section == NAME and self._names:
                 return tr("File that the grain came from; with a number where it holds several")
+            if section == 1 and self._names:
+                return tr("Volume V of the mesh")
             return tr(_TIPS[section]) if _TIPS[section] else factor_tip("dn")
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._alignment(section)

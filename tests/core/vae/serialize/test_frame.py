@@ -62,5 +62,5 @@ def test_names():
     assert body_name(mesh, 4) == "body 4"
     mesh.metadata["name"] = "pebble"
     assert body_name(mesh, 4) == "pebble"
-    grain = Grain(np.ones((3, 3, 3), bool), voxel_size=Grain.from_mesh(mesh, 8).voxel_size, label=12)
+    grain = Grain(np.ones((3, 3, 3), bool), voxel_size=Grain.from_mesh(mesh, 24).voxel_size, label=12)
     assert body_name(grain, 0) == "grain 12"
