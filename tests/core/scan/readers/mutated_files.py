@@ -6,6 +6,7 @@ Run as a script, it is that child: it reads what to do from standard input, as J
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 import signal
@@ -115,7 +116,8 @@ def _child() -> None:
     import warnings
 
     order: dict[str, Any] = json.load(sys.stdin)
-    resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
+    with contextlib.suppress(OSError, ValueError):  # macOS refuses it
+        resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     warnings.simplefilter("ignore")
     rng = np.random.default_rng(order["seed"])
     found: list[str] = []

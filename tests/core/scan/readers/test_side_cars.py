@@ -333,6 +333,16 @@ def test_side_cars_must_agree(tmp_path: Path, volume: np.ndarray) -> None:
         open_scan(data)
 
 
+def test_what_describes_a_volume_describes_no_other_file(tmp_path: Path, volume: np.ndarray) -> None:
+    write(tmp_path, volume, vgi=VGI, pcr=PCR.replace("VoxelSizeRec=0.015\n", ""))
+    (tmp_path / "s.raw").write_bytes(volume[:2].tobytes())
+    with pytest.raises(ScanError, match="nothing beside it does"):
+        open_scan(tmp_path / "s.raw", "10 um")
+    (tmp_path / "s.vol").unlink()
+    with pytest.raises(ScanError, match=r"s\.vgi states 5 x 7 x 11"):
+        open_scan(tmp_path / "s.raw", "10 um")
+
+
 def test_other_files_of_those_endings_describe_nothing(tmp_path: Path, volume: np.ndarray) -> None:
     data = write(tmp_path, volume, data="raw", info="a note", raw_info="another", hdr="SIZE 3", dat="a b c")
     with pytest.raises(ScanError, match="does not describe itself, and nothing beside it does"):

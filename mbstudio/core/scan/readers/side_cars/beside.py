@@ -24,6 +24,7 @@ _DESCRIPTIONS: dict[str, tuple[Callable[[Path], bool] | None, Callable[[Path, Pa
     ".hdr": (envi.is_envi, envi.describe),
     ".dat": (voreen.is_description, voreen.describe),
 }
+_OF_SCANNERS = (".vgi", ".xtekct", ".xtekVolume", ".pcr")
 # Headers that name their file of voxels themselves.
 _HEADERS = {".mhd": meta_image, ".nhdr": nrrd}
 # Sizes in side-cars are rounded.
@@ -70,7 +71,13 @@ def read_beside(data: Path, options: ReadOptions) -> Reading | None:
 
 def _beside(data: Path) -> Iterator[tuple[Path, str]]:
     """Yield what lies beside a file under its name and the ending of a side-car, with that ending."""
+    # What scanners write describes their .vol, and not another file of its name.
+    is_other = data.suffix.lower() != ".vol" and any(
+        data.with_suffix(end).exists() for end in (".vol", ".VOL")
+    )
     for ending in (*_DESCRIPTIONS, *_HEADERS):
+        if is_other and ending in _OF_SCANNERS:
+            continue
         for name in dict.fromkeys(
             stem + end for stem in (data.stem, data.name) for end in (ending, ending.lower(), ending.upper())
         ):
