@@ -6,7 +6,7 @@ import numpy as np
 from grain_kinds import KnownGrain
 from imaging_scores import score, surface_distances, timed_fit
 
-from mbstudio.core.imaging.fast import fast
+from mbstudio.core.imaging.fast import descent
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.fast.relocation import relocate
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
@@ -61,11 +61,11 @@ def against_plain(grains: list[KnownGrain], n: int = 120) -> None:
         "plain search (no weight for tips and area, no control point relocated)\n\n"
         "| search | dA % | Chamfer | Hausdorff (max) |\n|---|---|---|---|"
     )
-    fewest = fast._FEWEST_TO_RELOCATE
+    fewest = descent._FEWEST_TO_RELOCATE
     for name, settings, relocated_from in (("plain", plain, n + 1), ("fast", RefineSettings(), fewest)):
-        fast._FEWEST_TO_RELOCATE = relocated_from
+        descent._FEWEST_TO_RELOCATE = relocated_from
         found = [score(known, *timed_fit(known.grain, n, refine=settings)) for known in grains]
         area, near, far = (np.array([one[key] for one in found]) for key in ("dA", "chamfer", "hausdorff"))
         cells = f"{np.median(area):+.2f} | {np.median(near):.3f} | {np.median(far):.2f} ({far.max():.2f})"
         print(f"| {name} | {cells} |")
-    fast._FEWEST_TO_RELOCATE = fewest
+    descent._FEWEST_TO_RELOCATE = fewest

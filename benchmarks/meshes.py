@@ -30,7 +30,7 @@ def row(name: str, avatars: list[Avatar], cells: int) -> str:
         mesh = well_shaped_mesh(avatar, cells, volume)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         smallest.append(float(np.degrees(angles_of(vertices, faces).min())))
-        errors.append(100 * MeshErrors(avatar, nominal_diameter(volume)).of((vertices, faces)))
+        errors.append(100 * MeshErrors(avatar, nominal_diameter(volume)).measure((vertices, faces)))
         triangles.append(len(faces))
         closed = closed and bool(mesh.is_watertight and mesh.is_winding_consistent)
     seconds = (time.process_time() - begun) / len(avatars)

@@ -50,11 +50,11 @@ class ByHand:
             return self._parent(int(name) - 1)
         file, _, grain = name.rpartition(":")
         if grain and Path(file).name == TABLE:
-            return self._of_table(Path(file), grain)
+            return self._read_table_latent(Path(file), grain)
         if grain and Path(file).suffix.lower() == ".json":
-            return self._of_recipe(Path(file), grain)
+            return self._read_recipe_latent(Path(file), grain)
         if Path(name).is_file():
-            return self._of_file(Path(name))
+            return self._read_body_latent(Path(name))
         raise StyleError(
             f"The style-learner has no parent '{name}', and there is no such file: give a number from 1 to "
             f"{len(names)}, a name such as '{names[0]}', or a mesh or avatar."
@@ -64,7 +64,7 @@ class ByHand:
         latent: np.ndarray = self.learner.latents[row]
         return latent
 
-    def _of_file(self, path: Path) -> np.ndarray:
+    def _read_body_latent(self, path: Path) -> np.ndarray:
         from mbstudio.core.dem.formats.metaball import read_metaball
         from mbstudio.core.vae.serialize.mesh_folder import read_one_body
         from mbstudio.core.vae.shaping.latent import project_bodies
@@ -78,7 +78,7 @@ class ByHand:
         latent: np.ndarray = project_bodies(self.learner, [body])[0]
         return latent
 
-    def _of_table(self, path: Path, name: str) -> np.ndarray:
+    def _read_table_latent(self, path: Path, name: str) -> np.ndarray:
         import pandas as pd
 
         try:
@@ -88,9 +88,9 @@ class ByHand:
             raise StyleError(
                 f"{path} has no latent vector of '{name}' ({error}): give a name from its column 'name'."
             ) from error
-        return self._of_this_size(path, vector)
+        return self._require_dimension(path, vector)
 
-    def _of_recipe(self, path: Path, name: str) -> np.ndarray:
+    def _read_recipe_latent(self, path: Path, name: str) -> np.ndarray:
         from mbstudio.core.vae.shaping.latent_recipe import read_recipe, style_digest
 
         try:
@@ -104,12 +104,12 @@ class ByHand:
         if found is None:
             known = ", ".join(recipe.name for recipe in recipes) or "none"
             raise StyleError(f"{path} holds no recipe '{name}': it holds {known}.")
-        vector = self._of_this_size(path, found.vector)
+        vector = self._require_dimension(path, found.vector)
         if found.style and found.style != style_digest(self.learner):
             raise StyleError(f"{name} in {path} was made with another style-learner: use that style-learner.")
         return vector
 
-    def _of_this_size(self, path: Path, vector: np.ndarray) -> np.ndarray:
+    def _require_dimension(self, path: Path, vector: np.ndarray) -> np.ndarray:
         if vector.shape != (self.learner.dimension,):
             raise StyleError(
                 f"{path} holds latent vectors of {vector.size} numbers, but this style-learner has "

@@ -80,7 +80,7 @@ def generate(
     summary = _summary(found, folder, report, time.monotonic() - begun)
     if as_json:
         console.print_json(
-            {**summary, "reached": [vars(figure) for figure in found.reached],
+            {**summary, "reached": [figure.as_record() for figure in found.reached],
              "quality": None if quality is None else quality.as_dict()}
         )  # fmt: skip
         return

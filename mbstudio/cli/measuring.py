@@ -66,7 +66,7 @@ def rows_of(populations: ProjectPopulations, project: Project) -> list[Row]:
             row["avatar"] = _body(avatars, places[label])
         if "grain" in row and "avatar" in row:
             row["relative_error"] = {
-                name: _over(row["avatar"][name], row["grain"][name]) for name in grains.factors
+                name: _relative_error(row["avatar"][name], row["grain"][name]) for name in grains.factors
             }
         rows.append(row)
     return rows
@@ -83,7 +83,7 @@ def _body(population: Population, place: int) -> dict[str, Any]:
     return {**factors, "warning": population.warnings[place]}
 
 
-def _over(avatar: float, grain: float) -> float:
+def _relative_error(avatar: float, grain: float) -> float:
     return avatar / grain - 1 if grain else float("nan")
 
 

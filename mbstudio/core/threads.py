@@ -33,7 +33,7 @@ class _Blas:
     def enter(self) -> None:
         with self._lock:
             if self._blocks == 0:
-                _let_this_thread_set()
+                _claim_thread_control()
                 self._limit = _controller().limit(limits={"blas": 1})
             self._blocks += 1
 
@@ -41,12 +41,12 @@ class _Blas:
         with self._lock:
             self._blocks -= 1
             if self._blocks == 0:
-                _let_this_thread_set()
+                _claim_thread_control()
                 self._limit.restore_original_limits()
-                _let_this_thread_set()
+                _claim_thread_control()
 
 
-def _let_this_thread_set() -> None:
+def _claim_thread_control() -> None:
     # threadpoolctl heeds the first thread alone that set a number, and ignores the others without a word.
     from threadpoolctl import OpenBLASController
 

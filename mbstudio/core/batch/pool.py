@@ -212,9 +212,9 @@ class _Run(Generic[Task, Result]):
                     if self._stopped.is_set():
                         return
                     result = self._job.lose(task, code)
-                self._put((place, result))
+                self._hand_back((place, result))
         except BaseException as error:  # raised again where the results are collected
-            self._put(error)
+            self._hand_back(error)
         finally:
             if child is not None:
                 self._retire(child)
@@ -238,9 +238,9 @@ class _Run(Generic[Task, Result]):
         return code
 
     def _tell(self, share: float, message: str) -> None:
-        self._put(_Told(share, message))
+        self._hand_back(_Told(share, message))
 
-    def _put(self, item: tuple[int, Result] | _Told | BaseException) -> None:
+    def _hand_back(self, item: tuple[int, Result] | _Told | BaseException) -> None:
         while not self._stopped.is_set():
             try:
                 self._back.put(item, timeout=0.2)

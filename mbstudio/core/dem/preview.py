@@ -79,7 +79,7 @@ def preview(
     if chosen.geometry == "clump":
         return _clump(body, given, progress)
     if chosen.geometry == "mesh":
-        made = mesh_of(body, int(given["cells"]), given["error"] / 100, _teller(progress))
+        made = mesh_of(body, int(given["cells"]), given["error"] / 100, _make_try_callback(progress))
         return ExportPreview("mesh", body, _mesh_figures(made, body), mesh=made.mesh, warning=made.warning)
     if chosen.geometry == "grid":
         grid = level_set(body.avatar, int(given["cells"]), int(given["padding"]))
@@ -112,7 +112,7 @@ def _clump(body: DemBody, given: Mapping[str, Any], progress: Progress | None) -
     return ExportPreview("clump", body, figures, clump=clump, warning=warning)
 
 
-def _teller(progress: Progress | None) -> Callable[[int], None] | None:
+def _make_try_callback(progress: Progress | None) -> Callable[[int], None] | None:
     """Return what lets a mesh within an error be cancelled between two tries."""
     return None if progress is None else lambda cells: progress(-1.0, f"Trying {cells} cells across")
 

@@ -93,7 +93,7 @@ def agrees(
     return True
 
 
-def must_agree(
+def require_agreement(
     path: Path, what: str, values: Sequence[str], wanted: Sequence[str | float], tolerance: float = 1e-7
 ) -> None:
     """Raise ExportError unless words say what the manifest says; numbers near nothing beside large ones pass.

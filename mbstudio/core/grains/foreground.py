@@ -107,7 +107,7 @@ def find_foreground(
     return Foreground(mask, words, interfaces, phases)
 
 
-def _stated(
+def _select_ranges(
     scan: Scan,
     voxels: Shaped[np.ndarray, "Z Y X"],
     view: FieldOfView,

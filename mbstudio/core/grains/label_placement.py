@@ -54,7 +54,7 @@ def lay_on_scan(
         If the labels cannot be brought onto the scan's voxels.
     """
     _require_same_blocks(stored, scan, name)
-    if scan.grid is not None and grid is not None and not grid.says_nothing and not scan.grid.says_nothing:
+    if scan.grid is not None and grid is not None and not grid.is_placeholder and not scan.grid.is_placeholder:
         return _by_space(stored, grid, scan, scan.grid, name)
     if scan.excerpt is not None and stored.shape == scan.excerpt.whole:
         return _region_of_whole(stored, grid, scan, scan.excerpt, name)
@@ -66,7 +66,7 @@ def lay_on_scan(
         # Either file may have been turned round: the scan when it was read, the labels by their axes.
         turns = [one for one in (scan.grid, grid) if one is not None and any(one.flipped)]
         labels = _stored_or_turned(stored, turns[0].as_read(stored), scan, name) if turns else stored
-    elif grid is not None and not grid.says_nothing and scan.grid is None:
+    elif grid is not None and not grid.is_placeholder and scan.grid is None:
         labels, notes = _by_origin(stored, grid, scan, name)
     else:
         raise SegmentationError(_shape_message(stored.shape, target, name))
@@ -284,7 +284,7 @@ def _by_origin(
 
 def _tells_place_in_file(grid: Grid, scan: Scan) -> bool:
     """Whether labels say where they lie in the file that the scan is a region of, which says nothing."""
-    if scan.excerpt is None or scan.grid is not None or grid.says_nothing:
+    if scan.excerpt is None or scan.grid is not None or grid.is_placeholder:
         return False
     steps = np.diag(grid.steps)
     along_axes = np.allclose(np.diag(steps), grid.steps, atol=1e-3 * np.abs(steps).max())

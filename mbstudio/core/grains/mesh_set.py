@@ -178,14 +178,14 @@ def _shelves(parts: list[MeshVoxels]) -> Int[np.ndarray, "n 3"]:
     return places
 
 
-def _alone(part: MeshVoxels) -> GrainSet:
+def _build_one(part: MeshVoxels) -> GrainSet:
     # A margin of one voxel: the grain is whole, no border cuts it off.
     labels = np.pad(part.mask.astype(np.int32), 1)
     x, y, z = (float(at - edge) for at, edge in zip(part.origin, part.voxel_size.xyz, strict=True))
     return build_grain_set(labels, part.voxel_size, (x, y, z))
 
 
-def _laid(parts: list[MeshVoxels], places: Int[np.ndarray, "n 3"], in_one_frame: bool) -> GrainSet:
+def _lay_out(parts: list[MeshVoxels], places: Int[np.ndarray, "n 3"], in_one_frame: bool) -> GrainSet:
     shape = (places + [part.mask.shape for part in parts]).max(axis=0) + 1
     labels = np.zeros(shape, np.int32)
     for label, (part, place) in enumerate(zip(parts, places, strict=True), start=1):

@@ -123,7 +123,7 @@ def find_phases(interfaces: Interfaces, dark: bool | None = None) -> Phases | No
     if not kinds:
         return None
     if dark is None:
-        belonging = _belonging(interfaces, kinds, contrast)
+        belonging = _match_kinds(interfaces, kinds, contrast)
         dark = _curvature(interfaces, belonging) < _DARK
     if dark:
         interfaces = _turned(interfaces)
@@ -195,7 +195,7 @@ def _usual_contrast(contrasts: Float[np.ndarray, " m"], noise: float) -> tuple[f
         belonging = weak
 
 
-def _belonging(interfaces: Interfaces, kinds: tuple[Kind, ...], contrast: float) -> Bool[np.ndarray, " m"]:
+def _match_kinds(interfaces: Interfaces, kinds: tuple[Kind, ...], contrast: float) -> Bool[np.ndarray, " m"]:
     """Return which interfaces are of one of the kinds."""
     belonging = np.zeros(len(interfaces), np.bool_)
     for kind in kinds:

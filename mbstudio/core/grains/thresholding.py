@@ -50,7 +50,7 @@ class LocalThreshold:
 
     def slabs(self) -> Iterator[tuple[slice, Float32[np.ndarray, "z Y X"]]]:
         """Return the threshold, a slab along z at a time."""
-        wide = self._wide()
+        wide = self._wider_average()
         margin = int(np.ceil(4 * _NEAR))
         density = self._usual_density()
         for start in range(0, self.shape[0], _SLAB):
@@ -84,7 +84,7 @@ class LocalThreshold:
         """Return about what the weights of the nearer average come to at an interface: those of a plane."""
         return float(1.0 / (np.sqrt(2.0 * np.pi) * _NEAR))
 
-    def _wide(self) -> Float32[np.ndarray, "a b c"]:
+    def _wider_average(self) -> Float32[np.ndarray, "a b c"]:
         """Return the wider average on a coarse grid."""
         shape = tuple(-(-count // _COARSE) for count in self.shape)
         flat = np.ravel_multi_index(tuple((self.places // _COARSE).T), shape)

@@ -154,7 +154,7 @@ class Sweep:
     def __next__(self) -> SweepRow:
         while not self._waiting:
             place, grain = next(self._grains)
-            self._take(place, grain)
+            self._begin_grain(place, grain)
         row = self._row(self._waiting[0])
         self._waiting.pop(0)  # only now: what is cut short is to be done again
         self.rows.append(row)
@@ -168,7 +168,7 @@ class Sweep:
         same = (row.method, row.seed) == (self.method, self.seed)
         return same and dict(row.options) == self._changed and not row.error
 
-    def _take(self, place: int, grain: Grain) -> None:
+    def _begin_grain(self, place: int, grain: Grain) -> None:
         self._grain, self._label = grain, place if grain.label is None else grain.label
         self._likeness = Likeness(grain, self._cavities)
         earlier = [self._done[self._label, n] for n in self.numbers if (self._label, n) in self._done]

@@ -108,7 +108,7 @@ def closed_shells(
 
 
 def _is_closed(faces: Faces) -> bool:
-    return not len(faces) or EdgeTable.of(_without_copies(faces)).is_closed
+    return not len(faces) or EdgeTable.from_faces(_without_copies(faces)).is_closed
 
 
 def _shells_of(
@@ -119,7 +119,7 @@ def _shells_of(
     if not len(faces):
         return [], 0
     groups = _pieces(points, faces)
-    if not all(EdgeTable.of(group).is_closed for group in groups):
+    if not all(EdgeTable.from_faces(group).is_closed for group in groups):
         points, faces = _sew(points, np.concatenate(groups), notes)
         groups = _pieces(points, faces)
         _require_closed(points, groups, source)
@@ -149,8 +149,8 @@ def _without_copies(faces: Faces) -> Faces:
         return faces
     once: np.ndarray = faces[np.sort(first)]
     without_walls: np.ndarray = faces[np.sort(first[uses % 2 == 1])]
-    if not len(without_walls) or len(EdgeTable.of(once).open_edges) <= len(
-        EdgeTable.of(without_walls).open_edges
+    if not len(without_walls) or len(EdgeTable.from_faces(once).open_edges) <= len(
+        EdgeTable.from_faces(without_walls).open_edges
     ):
         return once
     return without_walls
@@ -162,7 +162,7 @@ def _sew(points: Points, faces: Faces, notes: list[str]) -> tuple[Points, Faces]
     for reach in (_ROUNDING * float(np.abs(points).max()), *(share * size for share in _SEAMS)):
         if not 0 < reach <= 1e-3 * size:
             continue
-        rim = np.unique(EdgeTable.of(faces).open_edges)
+        rim = np.unique(EdgeTable.from_faces(faces).open_edges)
         pairs = cKDTree(points[rim]).query_pairs(reach, output_type="ndarray")
         graph = coo_array(
             (np.ones(len(pairs), np.int8), (rim[pairs[:, 0]], rim[pairs[:, 1]])),
@@ -172,7 +172,7 @@ def _sew(points: Points, faces: Faces, notes: list[str]) -> tuple[Points, Faces]
         _, first = np.unique(group, return_index=True)
         sewn = first[group][faces]
         sewn = sewn[with_three_corners(sewn)]
-        if len(sewn) and EdgeTable.of(_without_copies(sewn)).is_closed:
+        if len(sewn) and EdgeTable.from_faces(_without_copies(sewn)).is_closed:
             moved, sewn = weld_equal(points, sewn)
             notes.append(
                 f"has seams open by up to {reach:.2g} ({reach / size:.1g} of its size), which were closed"
@@ -182,7 +182,7 @@ def _sew(points: Points, faces: Faces, notes: list[str]) -> tuple[Points, Faces]
 
 
 def _require_closed(points: Points, groups: list[Faces], source: str) -> None:
-    tables = [EdgeTable.of(group) for group in groups]
+    tables = [EdgeTable.from_faces(group) for group in groups]
     broken = [(group, table) for group, table in zip(groups, tables, strict=True) if not table.is_closed]
     if not broken:
         return
@@ -234,7 +234,7 @@ def _shells_of_piece(points: Points, faces: Faces, source: str, group: int) -> l
     """
     used, faces = np.unique(faces, return_inverse=True)
     points, faces = points[used], faces.reshape(-1, 3)
-    sheets = sheets_of(faces, EdgeTable.of(faces))
+    sheets = sheets_of(faces, EdgeTable.from_faces(faces))
     if sheets is None:
         raise MeshError(
             f"{source} is one-sided, as a Moebius strip is: it has no inside; check how it was made."
@@ -244,14 +244,14 @@ def _shells_of_piece(points: Points, faces: Faces, source: str, group: int) -> l
     found, rest = [], []
     for rows in np.split(order, np.cumsum(np.bincount(sheet))[:-1]):
         own = np.where(turned[rows, None], faces[rows][:, ::-1], faces[rows])
-        if sheet.max() == 0 or EdgeTable.of(own).is_consistent:
+        if sheet.max() == 0 or EdgeTable.from_faces(own).is_consistent:
             found.append(own)
         else:
             rest.append((own, faces[rows]))
     rest = _without_inner_walls(points, rest)
     if rest:
         as_given = np.concatenate([given for _, given in rest])
-        is_right = EdgeTable.of(as_given).is_consistent
+        is_right = EdgeTable.from_faces(as_given).is_consistent
         found.append(as_given if is_right else _turned_outwards(points, [own for own, _ in rest], source))
     size = float(np.ptp(points, axis=0).max())
     shells = []
@@ -269,7 +269,7 @@ def _without_inner_walls(points: Points, sheets: list[tuple[Faces, Faces]]) -> l
         corners = points[np.unique(sheet)]
         spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
         if len(spread) < 3 or spread[2] <= _PLANE * spread[0]:
-            walls.setdefault(EdgeTable.of(sheet).open_edges.tobytes(), []).append(number)
+            walls.setdefault(EdgeTable.from_faces(sheet).open_edges.tobytes(), []).append(number)
     gone = {number for pair in walls.values() if len(pair) == 2 for number in pair}
     return [sheet for number, sheet in enumerate(sheets) if number not in gone]
 
@@ -289,7 +289,7 @@ def _turned_outwards(points: Points, sheets: list[Faces], source: str) -> Faces:
         if not looks_outward(best, points, faces):
             faces[start : start + len(sheet)] = sheet[:, ::-1]
         start += len(sheet)
-    if not EdgeTable.of(faces).is_consistent:
+    if not EdgeTable.from_faces(faces).is_consistent:
         raise MeshError(
             f"{source} crosses itself where more than two triangles meet in an edge, so that inside and "
             "outside cannot be told apart: repair it, for example in MeshLab with Filters > Cleaning."

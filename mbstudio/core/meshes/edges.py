@@ -39,7 +39,7 @@ class EdgeTable:
     upward: Bool[np.ndarray, " s"]
 
     @classmethod
-    def of(cls, faces: Faces) -> EdgeTable:
+    def from_faces(cls, faces: Faces) -> EdgeTable:
         """Return the edges of faces."""
         sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = sides.min(axis=1), sides.max(axis=1)

@@ -79,7 +79,7 @@ def points_outside(avatar: Avatar, grain: Grain) -> int:
     return int(avatar.n - np.count_nonzero(inside))
 
 
-def _cure(n: int, grain: Grain | None, needed: Callable[[], int] | None) -> str:
+def _advise(n: int, grain: Grain | None, needed: Callable[[], int] | None) -> str:
     """Return what to do about an avatar of `n` control points that is not valid."""
     # More than the estimate where that many have failed already; in tens, for it is no exact number.
     wanted = max(2 * n, -(-needed() // 10) * 10 if needed is not None else 0)
@@ -160,7 +160,7 @@ def check(
     )
     reasons = []
     if found.pieces > 1 or found.voids > kept or abs(volume_error) > MOST_VOLUME_ERROR or too_rough:
-        cure = _cure(max(avatar.n, asked or 0), grain, needed)
+        cure = _advise(max(avatar.n, asked or 0), grain, needed)
     if found.pieces > 1:
         reasons.append(f"The avatar is in {found.pieces} pieces: {cure}.")
     if found.voids > kept:
@@ -176,7 +176,7 @@ def check(
     warnings = _warnings(kept, filled, found.voids)
     if grain_genus is not None and found.genus != grain_genus:
         told = f"The avatar has {_handles(found.genus)}, the grain {_handles(grain_genus)}"
-        warnings = (*warnings, f"{told}: {_cure(max(avatar.n, asked or 0), grain, needed)}.")
+        warnings = (*warnings, f"{told}: {_advise(max(avatar.n, asked or 0), grain, needed)}.")
     return Verdict(
         valid=not reasons, pieces=found.pieces, voids=found.voids, genus=found.genus, points_outside=counted,
         volume_error=volume_error, rms=rms, reasons=tuple(reasons),

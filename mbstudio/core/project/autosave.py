@@ -67,7 +67,7 @@ class AutosaveNote:
 
 
 class Autosave:
-    """The autosave of one window, locked against all others; make it with `begin` or `left_behind`.
+    """The autosave of one window, locked against all others; make it with `begin` or `find_abandoned`.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Autosave:
         return cls(folder, lock)
 
     @classmethod
-    def left_behind(cls, root: Path) -> Iterator[Autosave]:
+    def find_abandoned(cls, root: Path) -> Iterator[Autosave]:
         """Yield what crashed programs have left, newest first; each stays locked until it is let go.
 
         What is of no use (nothing was written yet) is removed on the way.

@@ -65,7 +65,7 @@ def write_clones(group: h5py.Group, clones: Generation) -> None:
     from mbstudio.core.vae.serialize.serialization import serialization_arrays
 
     counts = vars(clones.counts) | {"refused": dict(clones.counts.refused)}
-    reached = [vars(figure) for figure in clones.reached]
+    reached = [figure.as_record() for figure in clones.reached]
     entries = {
         "counts": counts, "how": clones.how, "effective": clones.effective, "seed": clones.seed,
         "reached": reached,
@@ -104,7 +104,7 @@ def read_clones(stored: Stored, path: Path) -> Generation:
     return Generation(
         clones, stored.numbers("latents", "f", axes=2, rows=len(clones)), parents, factors,
         Counts(**entries["counts"]), str(entries["how"]), float(entries["effective"]),
-        tuple(Reached(**figure) for figure in entries["reached"]), int(entries["seed"]),
+        tuple(Reached.from_record(figure) for figure in entries["reached"]), int(entries["seed"]),
     )  # fmt: skip
 
 

@@ -229,14 +229,14 @@ def with_numbers_only(
             continue
         has_gaps = True
         if (seen & ~finite).any():
-            raise ScanError(_where_no_numbers(voxels, view, name))
+            raise ScanError(_describe_gaps(voxels, view, name))
         low = min(low, float(part.min(where=finite, initial=np.inf)))
     if not has_gaps:
         return voxels
     return np.where(np.isfinite(voxels), voxels, voxels.dtype.type(low))
 
 
-def _where_no_numbers(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, name: object) -> str:
+def _describe_gaps(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, name: object) -> str:
     """Return the message on voxels of the field of view that are no finite numbers."""
     count, empty = 0, []
     low, high = np.array(voxels.shape), np.zeros(3, int)

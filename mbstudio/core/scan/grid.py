@@ -33,7 +33,7 @@ class Grid:
     flipped: tuple[bool, bool, bool] = (False, False, False)
 
     @property
-    def says_nothing(self) -> bool:
+    def is_placeholder(self) -> bool:
         """Whether this is what programs write that know no geometry: steps of one, from zero."""
         return bool(np.array_equal(self.steps, np.eye(3)) and not self.origin.any())
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, UInt8
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.shaping.latent import morph
 from mbstudio.scene.pictures.animation import animation_file, require_writer
-from mbstudio.scene.pictures.thumbnails import seen_reach, thumbnail
+from mbstudio.scene.pictures.thumbnails import pictured_reach, thumbnail
 from mbstudio.scene.theme import SceneTheme, rgb
 
 _REST = 8
@@ -58,10 +58,10 @@ def write_morph(
     """
     require_writer(path)
     avatars = learner.decode(morph(learner, first, second, steps)).avatars()
-    reach = max(seen_reach(avatar) for avatar in avatars)
+    reach = max(pictured_reach(avatar) for avatar in avatars)
     frames = []
     for place, avatar in enumerate(avatars):
-        frames.append(_over(thumbnail(avatar, theme.avatar, side, reach), theme))
+        frames.append(_blend_over(thumbnail(avatar, theme.avatar, side, reach), theme))
         if progress is not None:
             progress(0.95 * (place + 1) / len(avatars), f"frame {place + 1} of {len(avatars)}")
     there = frames
@@ -73,7 +73,7 @@ def write_morph(
     return path
 
 
-def _over(picture: UInt8[np.ndarray, "h w 4"], theme: SceneTheme) -> UInt8[np.ndarray, "h w 3"]:
+def _blend_over(picture: UInt8[np.ndarray, "h w 4"], theme: SceneTheme) -> UInt8[np.ndarray, "h w 3"]:
     """Lay a picture over the background of the scene."""
     share = np.linspace(0.0, 1.0, len(picture))[:, None, None]
     ground = (1 - share) * np.array(rgb(theme.top)) + share * np.array(rgb(theme.bottom))

@@ -70,12 +70,12 @@ def render_tour(project: Project, folder: Path) -> list[Path]:
     if project.fits:
         written.append(_save(folder / "convergence.png", convergence_figure(project.fits)))
     if project.fits and grains is not None:
-        rows = [render_grain_and_avatar(project, label) for label in telling_labels(project)]
+        rows = [render_grain_and_avatar(project, label) for label in pick_typical_labels(project)]
         written.append(_save(folder / "grain_and_avatar.png", np.concatenate(rows)))
     return written
 
 
-def telling_labels(project: Project, most: int = 3) -> list[int]:
+def pick_typical_labels(project: Project, most: int = 3) -> list[int]:
     """Return fitted grains whose avatars are the truest for their size, the typical, and the least true."""
     assert project.grains is not None
     diameters = {label: project.grains.grain(label).nominal_diameter for label in project.fits}

@@ -37,7 +37,7 @@ def thumbnail(
     low, high = avatar.bounds()
     centre, half = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     right, up, away = view_frame()
-    shown = MARGIN * (seen_reach(avatar) if reach is None else reach)
+    shown = MARGIN * (pictured_reach(avatar) if reach is None else reach)
     rays = size * _SAMPLES
     place = shown * (2 * (np.arange(rays) + 0.5) / rays - 1)
     across, upward = np.meshgrid(place, -place)
@@ -52,7 +52,7 @@ def thumbnail(
     return _picture(met, shade, colour, size)
 
 
-def seen_reach(avatar: Avatar) -> float:
+def pictured_reach(avatar: Avatar) -> float:
     """Return about how far the picture of an avatar reaches from its middle, in its unit."""
     low, high = avatar.bounds()
     right, up, _ = view_frame()

@@ -123,7 +123,7 @@ def _describe_making(generation: Generation, quality: Quality) -> dict[str, str]
 
 def _list_conditions(generation: Generation) -> str:
     rows = [
-        [figure.what, _number(figure.wanted), _number(figure.found), "yes" if figure.met else "no"]
+        [figure.what, _number(figure.wanted), _number(figure.found), "yes" if figure.is_met else "no"]
         for figure in generation.reached
     ]
     return table(("", "wanted", "found", "within the tolerance"), rows)

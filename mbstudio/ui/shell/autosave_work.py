@@ -171,7 +171,7 @@ class AutosaveWork(Work):
 
         def work(_: object) -> list[Autosave]:
             # Held from here on, so that a window that closes meanwhile lets go of them.
-            self._held = list(Autosave.left_behind(autosave_folder()))
+            self._held = list(Autosave.find_abandoned(autosave_folder()))
             return self._held
 
         task = Task(tr("Looking for unsaved work"), work)

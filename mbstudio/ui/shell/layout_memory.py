@@ -117,13 +117,13 @@ class LayoutMemory(QObject):
         if wanted is None:
             return
 
-        def take() -> None:
+        def move_camera() -> None:
             camera = self._viewport.plotter.camera
             camera.position, camera.focal_point, camera.up = wanted
             self._viewport.plotter.renderer.ResetCameraClippingRange()
             self._viewport.request_render()
 
-        self._deferred.call(take)
+        self._deferred.call(move_camera)
 
 
 def _record(text: Any) -> dict[str, Any]:

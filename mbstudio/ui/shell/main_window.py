@@ -106,7 +106,7 @@ class MainWindow(QMainWindow):
         self._make_centre()
         self._make_menus()
         self._make_status_bar()
-        self._wire()
+        self._connect_signals()
         self._take_first_layout()
         for station in self.stations:
             station.wire()
@@ -198,7 +198,7 @@ class MainWindow(QMainWindow):
             self.resize(min(1440, room.width()), min(900, room.height()))
         self.docks.take_first_sizes()
 
-    def _wire(self) -> None:
+    def _connect_signals(self) -> None:
         studio, space = self.studio, self.workspace
         self._deferred = DeferredCalls(self)
         for signal in (studio.refresh_asked, space.state_changed, self.queue.changed, self.message_bar.shown):

@@ -64,7 +64,7 @@ class MessageBar(QFrame):
         self._timer.setSingleShot(True)
         self._timer.timeout.connect(self.dismiss)
         self._callback: object = None
-        self._action.clicked.connect(self._act)
+        self._action.clicked.connect(self._run_action)
         self.hide()
 
     @property
@@ -101,7 +101,7 @@ class MessageBar(QFrame):
         super().hideEvent(event)
         self.gone.emit()
 
-    def _act(self) -> None:
+    def _run_action(self) -> None:
         callback = self._callback
         self.dismiss()
         if callable(callback):

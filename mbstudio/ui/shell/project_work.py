@@ -37,7 +37,7 @@ class ProjectWork(Work):
     def open(self, path: Path) -> Task:
         """Open a project file."""
         task = Task(tr("Opening {name}", name=path.name), lambda control: _opened(path))
-        task.succeeded.connect(lambda opened: self._take(opened[0], opened[1], path))
+        task.succeeded.connect(lambda opened: self._use_project(opened[0], opened[1], path))
         return self.queue.submit(task)
 
     def save(self, path: Path, after: Callable[[], object] | None = None) -> Task:

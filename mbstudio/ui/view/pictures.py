@@ -160,7 +160,7 @@ class Pictures(QObject):
             renderer.GetActiveCamera().Azimuth(360.0 * number / frames)
             picture = viewport.picture(scale)
             size.append(picture.shape[:2])
-            return _of_size(picture, size[0])
+            return _fit_to_size(picture, size[0])
 
         source = _Frames(draw, self)
 
@@ -186,7 +186,7 @@ class Pictures(QObject):
         return task
 
 
-def _of_size(picture: UInt8[np.ndarray, "h w 3"], size: tuple[int, ...]) -> UInt8[np.ndarray, "h2 w2 3"]:
+def _fit_to_size(picture: UInt8[np.ndarray, "h w 3"], size: tuple[int, ...]) -> UInt8[np.ndarray, "h2 w2 3"]:
     """Return the middle of a picture, widened by its edges: all frames have the first one's size."""
     for axis, wanted in enumerate(size):
         there = picture.shape[axis]

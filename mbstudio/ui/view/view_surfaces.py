@@ -130,7 +130,7 @@ class ViewSurfaces(QObject):
                 _factors_or_none(fit),
             )
 
-        def take(chosen: _Chosen) -> None:
+        def show(chosen: _Chosen) -> None:
             self._factors[label] = chosen.grain_factors
             self._scene.layers.grain.set(chosen.grain, grains.unit)
             if self.live_label() != label:
@@ -142,7 +142,7 @@ class ViewSurfaces(QObject):
             "grain",
             tr("Drawing the grain"),
             make,
-            take,
+            show,
             lambda: (
                 label == self._workspace.selected
                 and grains is self._workspace.state.grains
@@ -213,12 +213,12 @@ class ViewSurfaces(QObject):
         key: str,
         title: str,
         make: Callable[[], Any],
-        take: Callable[[Any], object],
+        on_built: Callable[[Any], object],
         wanted: Callable[[], bool],
     ) -> None:
         def done(result: Any) -> None:
             if wanted():
-                take(result)
+                on_built(result)
                 self.taken.emit()
 
         task = Task(title, lambda control: make())

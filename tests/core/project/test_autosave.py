@@ -44,7 +44,7 @@ def test_what_was_written_comes_back_unsaved_with_the_path_of_its_file(root, sta
     written = Autosave.begin(root)
     written.write(state, tmp_path / "sand.mbs")
     written.release()
-    (found,) = Autosave.left_behind(root)
+    (found,) = Autosave.find_abandoned(root)
     assert (found.note.title, found.note.grains, found.note.fits) == ("sand.mbs", 2, len(state.fits))
     project = found.restore()
     assert_same(state, project.state)
@@ -90,7 +90,7 @@ def test_after_a_restore_the_writing_goes_on_where_it_was(root, state):
     first = Autosave.begin(root)
     first.write(state)
     first.release()
-    (second,) = Autosave.left_behind(root)
+    (second,) = Autosave.find_abandoned(root)
     restored = second.restore().state
     later = replace(restored, fit_settings=FitSettings(n=55))
     second.write(later)
@@ -100,14 +100,14 @@ def test_after_a_restore_the_writing_goes_on_where_it_was(root, state):
 def test_what_another_window_uses_is_not_found(root):
     used = Autosave.begin(root)
     used.write(ProjectState())
-    assert not list(Autosave.left_behind(root))
+    assert not list(Autosave.find_abandoned(root))
     used.release()
-    first = list(Autosave.left_behind(root))
+    first = list(Autosave.find_abandoned(root))
     assert len(first) == 1
     # Offered by one window, it is not offered by a second one.
-    assert not list(Autosave.left_behind(root))
+    assert not list(Autosave.find_abandoned(root))
     first[0].release()
-    assert len(list(Autosave.left_behind(root))) == 1
+    assert len(list(Autosave.find_abandoned(root))) == 1
 
 
 def test_nothing_is_left_after_a_clean_end_or_before_the_first_write(root):
@@ -116,7 +116,7 @@ def test_nothing_is_left_after_a_clean_end_or_before_the_first_write(root):
     saved.discard()
     assert not list(root.iterdir())
     Autosave.begin(root).release()
-    assert not list(Autosave.left_behind(root))
+    assert not list(Autosave.find_abandoned(root))
     assert not list(root.iterdir())
 
 
@@ -125,7 +125,7 @@ def test_cleared_work_is_not_offered(root):
     saved.write(ProjectState())
     saved.clear()
     saved.release()
-    assert not list(Autosave.left_behind(root))
+    assert not list(Autosave.find_abandoned(root))
 
 
 def test_damage_is_told(root):
@@ -251,11 +251,11 @@ def test_a_killed_program_lets_go_of_its_lock(root):
     )
     program = subprocess.Popen([sys.executable, "-c", script, str(root)], stdout=subprocess.PIPE, text=True)
     assert program.stdout.readline() == "written\n"
-    assert not list(Autosave.left_behind(root))
+    assert not list(Autosave.find_abandoned(root))
     os.kill(program.pid, signal.SIGKILL)
     program.wait()
     program.stdout.close()
     deadline = time.monotonic() + 5
-    while not (found := list(Autosave.left_behind(root))) and time.monotonic() < deadline:
+    while not (found := list(Autosave.find_abandoned(root))) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert len(found) == 1

@@ -105,4 +105,4 @@ def test_a_killed_program_loses_no_more_than_the_interval(tmp_path, state_folder
     # What was done before the last interval (and the second that a slow disk may take) is there.
     old_enough = [n for n, moment in done.items() if moment < killed - interval - 1]
     assert restored["n"] >= max(old_enough)
-    assert not list(Autosave.left_behind(state_folder / "mbstudio" / "autosave"))
+    assert not list(Autosave.find_abandoned(state_folder / "mbstudio" / "autosave"))

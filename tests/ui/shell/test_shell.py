@@ -257,7 +257,7 @@ def test_work_is_offered_after_a_crash_and_restored_unsaved(
     qtbot.waitUntil(lambda: later.queue.is_idle)
     # It stays on the disk until it is saved.
     later.shell.autosaves._own.release()
-    (found,) = Autosave.left_behind(autosave_folder())
+    (found,) = Autosave.find_abandoned(autosave_folder())
     found.release()
 
 
@@ -284,7 +284,7 @@ def test_work_that_cannot_be_read_is_not_offered_but_stays(window, idle, two_gra
     idle()
     assert not window.shell.autosaves.leftovers
     assert list(left.folder.glob("grains-*.mbs"))
-    (found,) = Autosave.left_behind(autosave_folder())
+    (found,) = Autosave.find_abandoned(autosave_folder())
     found.release()
 
 

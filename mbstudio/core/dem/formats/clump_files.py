@@ -49,7 +49,7 @@ def fitted_clumps(job: Job) -> list[Clump]:
         if wanted is None:
             clumps.append(sphere_clump(body.avatar, int(job.options["spheres"])))
             continue
-        tell = partial(_told_about, job, before, body.name)
+        tell = partial(_pass_progress, job, before, body.name)
         found = clump_for_target(body.avatar, wanted, progress=tell, fit=sphere_clump)
         job.remarks[body.name] = {"clump_target": str(wanted), "reached": dict(found.values)}
         if found.warning:
@@ -58,7 +58,7 @@ def fitted_clumps(job: Job) -> list[Clump]:
     return clumps
 
 
-def _told_about(job: Job, before: float, name: str, _fraction: float, said: str) -> None:
+def _pass_progress(job: Job, before: float, name: str, _fraction: float, said: str) -> None:
     job.progress(before, f"{name}: {said}")
 
 

@@ -25,7 +25,7 @@ from mbstudio.core.dem.formats.clump_files import (
     fitted_clumps,
     write_sphere_table,
 )
-from mbstudio.core.dem.reading_back import must_agree, read_text
+from mbstudio.core.dem.reading_back import read_text, require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.pouring import (
     ASSUMED_DENSITY,
@@ -123,9 +123,9 @@ def check_steps(path: Path, manifest: Mapping[str, Any]) -> None:
     density = manifest["density"] or ASSUMED_DENSITY
     for row, item in zip(rows, manifest["items"], strict=True):
         volume = item["volume"] * metres**3
-        must_agree(path, f"volume and mass of {row[0]}", row[1:3], [volume, density * volume], 1e-6)
+        require_agreement(path, f"volume and mass of {row[0]}", row[1:3], [volume, density * volume], 1e-6)
         moments = [density * moment for moment in item["details"]["moments_per_density"]]
-        must_agree(path, f"moments of {row[0]}", row[3:], moments, 1e-9)
+        require_agreement(path, f"moments of {row[0]}", row[3:], moments, 1e-9)
     check_pouring(path, text, manifest)
 
 

@@ -103,7 +103,7 @@ def sphere_clump(avatar: Avatar, spheres: int = 40, *, seed: int = 0) -> Clump:
     """
     if spheres < 2:
         raise ExportError(f"A clump of {spheres} spheres is none: ask for at least 2.")
-    task = ClumpTask.of(avatar, np.random.default_rng(seed))
+    task = ClumpTask.from_avatar(avatar, np.random.default_rng(seed))
     centers, radii = _greedy_start(task, spheres)
     centers, radii = _meet_surfaces(task, centers, radii)
     centers, radii = finished(task, centers, radii)

@@ -52,7 +52,7 @@ class ClumpTask:
     rng: np.random.Generator
 
     @classmethod
-    def of(cls, avatar: Avatar, rng: np.random.Generator) -> ClumpTask:
+    def from_avatar(cls, avatar: Avatar, rng: np.random.Generator) -> ClumpTask:
         vertices, faces = avatar_surface(avatar).coarse
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         origin, scale = (low + high) / 2, float((high - low).max()) / 2

@@ -63,7 +63,7 @@ class MeshErrors:
         reach = float(np.ptp(np.asarray(fine.vertices), axis=0).max()) / _REFERENCE_CELLS
         self._points = project_to_surface(avatar, np.array(fine.vertices, dtype=float), reach)
 
-    def of(self, surface: VerticesFaces) -> float:
+    def measure(self, surface: VerticesFaces) -> float:
         """Return the Hausdorff distance of a surface to the avatar over its D_n.
 
         A triangle is asked at its corners, at the middles of its sides and at its own: there a flat triangle
@@ -108,7 +108,7 @@ def mesh_of(
 
 def _measured(body: DemBody, cells: int, errors: MeshErrors) -> BodyMesh:
     mesh = well_shaped_mesh(body.avatar, cells, body.mass.volume)
-    return BodyMesh(mesh, cells, errors.of((np.asarray(mesh.vertices), np.asarray(mesh.faces))))
+    return BodyMesh(mesh, cells, errors.measure((np.asarray(mesh.vertices), np.asarray(mesh.faces))))
 
 
 def _coarsest(make: Callable[[int], BodyMesh], error: float) -> BodyMesh:

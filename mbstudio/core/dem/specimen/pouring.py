@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.reading_back import must_agree
+from mbstudio.core.dem.reading_back import require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.settling import (
     GRAVITY,
@@ -155,7 +155,7 @@ def check_pouring(path: Path, text: str, manifest: Mapping[str, Any], *, has_ste
     density = manifest["density"] or ASSUMED_DENSITY
     wanted = {"DENSITY": density * metres**3, "GRAVITY": GRAVITY / metres}
     for name, value in wanted.items():
-        must_agree(path, name, [f"{stated_number(path, text, name):.12g}"], [value], 1e-6)
+        require_agreement(path, name, [f"{stated_number(path, text, name):.12g}"], [value], 1e-6)
     stiffness = stated_number(path, text, "STIFFNESS")
     if not (np.isfinite(stiffness) and stiffness > 0):
         raise ExportError(f"{path} has a stiffness of {stiffness:g}, which is not positive.")

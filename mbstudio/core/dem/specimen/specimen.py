@@ -119,7 +119,7 @@ class SpecimenKinds:
     unit: str
 
     @classmethod
-    def of(cls, bodies: Sequence[DemBody], unit: str) -> SpecimenKinds:
+    def from_bodies(cls, bodies: Sequence[DemBody], unit: str) -> SpecimenKinds:
         """Measure avatars, which are in `unit`."""
         return cls(
             tuple(body.name for body in bodies),
@@ -145,7 +145,7 @@ def make_specimen(bodies: Sequence[DemBody], plan: SpecimenPlan, unit: str) -> S
     ExportError
         If a share names no avatar or is negative, or a grain is wider than the box.
     """
-    return specimen_of(SpecimenKinds.of(bodies, unit), plan)
+    return specimen_of(SpecimenKinds.from_bodies(bodies, unit), plan)
 
 
 def specimen_of(kinds: SpecimenKinds, plan: SpecimenPlan) -> Specimen:

@@ -60,7 +60,7 @@ def make_candidate(search: Refinement, found: Topology) -> Candidate:
     return Candidate(search.control.copy(), found, score, note)
 
 
-def wrongly_empty(
+def find_wrongly_empty(
     control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain, rng: np.random.Generator
 ) -> tuple[Float64[np.ndarray, "p 3"], Float64[np.ndarray, "p"]]:
     """Return points (and depths) inside the grain where f < 1: at most 600, the deepest surely among them."""
@@ -89,7 +89,7 @@ def repair(search: Refinement, found: Topology, round_number: int, rng: np.rando
         if 0 < stray.sum() <= max(1, len(stray) // 5):
             search.set_control(search.control[:, ~stray])
             notes.append(f"{int(stray.sum())} control point(s) of islands dropped")
-    empty, depths = wrongly_empty(search.control, search.prepared, rng)
+    empty, depths = find_wrongly_empty(search.control, search.prepared, rng)
     if len(empty):
         search.hold_points(empty, depths, weight=2.0 * (1 + round_number))
         notes.append(f"{len(empty)} empty places inside the grain to be filled")

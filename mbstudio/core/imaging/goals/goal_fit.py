@@ -77,7 +77,7 @@ class GoalFit:
         FitError
             If the grain cannot hold n control points; the search then stays as it was.
         """
-        run = self._at_hand()
+        run = self._current_run()
         run.change_control_points(n)
         self._give_up(run)
 
@@ -89,7 +89,7 @@ class GoalFit:
         FitError
             If the search has not begun, or `count` is not positive.
         """
-        run = self._at_hand()
+        run = self._current_run()
         run.more_generations(count)
         self._give_up(run)
 
@@ -102,12 +102,12 @@ class GoalFit:
             If no search has begun.
         """
         if self._given_up:
-            return self._at_hand().result()
+            return self._current_run().result()
         best = self._best
         if best is None or not (best.is_met or self._ended):
             return self._stopped()
         found = replace(best.result, target=str(self.goal), reached=dict(best.values))
-        return found if best.is_met else _warned(found, self._why(best))
+        return found if best.is_met else _warned(found, self._explain_miss(best))
 
     # ---- the search ----------------------------------------------------------------------------
 
@@ -128,9 +128,9 @@ class GoalFit:
                 self._numbers.record(n, will_do=False)
                 before = f"n = {n} could not be fitted: {error}"
                 continue
-            tried = self._tried(run)
+            tried = self._judge_run(run)
             self._numbers.record(n, will_do=tried.is_met)
-            before = f"n = {n} {'reached' if tried.is_met else 'missed'} the target: {self._told(tried)}"
+            before = f"n = {n} {'reached' if tried.is_met else 'missed'} the target: {self._describe(tried)}"
             if tried.is_better_than(self._best):
                 self._best = tried
         if self._best is None and self._failure is not None:
@@ -144,7 +144,7 @@ class GoalFit:
             self._run.share_preparation(before)
         return self._run
 
-    def _tried(self, run: StepRun) -> _Tried:
+    def _judge_run(self, run: StepRun) -> _Tried:
         if self._likeness is None:
             self._likeness = Likeness(self.grain, run.options.cavities)
         result = run.result()
@@ -152,13 +152,13 @@ class GoalFit:
         is_met = result.verdict.valid and self.goal.is_met(values)
         return _Tried(run, result, values, is_met, self.goal.shortfall(values))
 
-    def _told(self, tried: _Tried) -> str:
+    def _describe(self, tried: _Tried) -> str:
         told = self.goal.describe(tried.values)
         return told if tried.result.verdict.valid else f"{told}, and the avatar is not valid"
 
     # ---- what is at hand -----------------------------------------------------------------------
 
-    def _at_hand(self) -> StepRun:
+    def _current_run(self) -> StepRun:
         if self._ended and not self._given_up and self._best is not None:
             return self._best.run
         return self._run or self._first
@@ -169,7 +169,7 @@ class GoalFit:
 
     def _stopped(self) -> FitResult:
         """Return the truest avatar of a search that was stopped before any reached the goal."""
-        now = self._at_hand()
+        now = self._current_run()
         if not now.has_begun and self._best is not None:
             now = self._best.run
         result, values = now.result(), {}
@@ -178,7 +178,7 @@ class GoalFit:
         found = replace(result, target=str(self.goal), reached=values)
         return _warned(found, f"The search for the target '{self.goal}' was stopped before it was reached.")
 
-    def _why(self, best: _Tried) -> str:
+    def _explain_miss(self, best: _Tried) -> str:
         """Return in words that the goal was not reached, and why."""
         result, missed = best.result, self.goal.describe(best.values, only_missed=True)
         faults = [f"has {missed}"] if missed else []

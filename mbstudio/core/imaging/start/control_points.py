@@ -57,7 +57,7 @@ def control_of_spheres(
 
 def rescale(control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain) -> None:
     """Divide all k, in place, by one factor so that the mean of ln f over the hull is 0."""
-    field = field_at(_some_hull(prepared), control)
+    field = field_at(_thin_hull(prepared), control)
     control[3] /= np.exp(np.mean(np.log(field)))
 
 
@@ -72,14 +72,14 @@ def with_number(
     """
     if n == control.shape[1]:
         return control.copy()
-    points = _some_hull(prepared)
+    points = _thin_hull(prepared)
     changed = _merged(control, n) if n < control.shape[1] else _split(control, n, points)
     scaled = changed.copy()
     rescale(scaled, prepared)
     return min(changed, scaled, key=lambda one: mean_loss(field_at(points, one)))
 
 
-def _some_hull(prepared: PreparedGrain) -> np.ndarray:
+def _thin_hull(prepared: PreparedGrain) -> np.ndarray:
     return prepared.hull[:: max(1, len(prepared.hull) // 6000)]
 
 

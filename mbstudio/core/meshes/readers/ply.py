@@ -76,16 +76,16 @@ def read_ply(data: bytes, source: str) -> MeshData:
             raise MeshError(f"{source} has faces whose corners are no list: export it again.")
         if element.name == "face":
             sizes.append(column.sizes)
-            corners.append(_whole(column.values, source))
+            corners.append(_vertex_numbers(column.values, source))
         else:
-            strips = _strips(_whole(column.values, source))
+            strips = _strips(_vertex_numbers(column.values, source))
             sizes.append(np.full(len(strips), 3))
             corners.append(strips.ravel())
     faces, _ = triangulate(vertices, np.concatenate(sizes), np.concatenate(corners), source)
     return MeshData(vertices, faces)
 
 
-def _whole(values: np.ndarray, source: str) -> Int[np.ndarray, " n"]:
+def _vertex_numbers(values: np.ndarray, source: str) -> Int[np.ndarray, " n"]:
     """Return numbers of vertices, which text holds as floats."""
     if values.dtype.kind == "f" and not (np.isfinite(values).all() and (values == np.rint(values)).all()):
         raise MeshError(f"{source} is damaged: a face names a corner by no whole number: export it again.")

@@ -95,7 +95,7 @@ def _choose(file: Any, name: str | None, path: Path) -> Any:
         inside = [key for key in volumes if key.startswith(name.strip("/") + "/")]
         if len(inside) == 1:
             return volumes[inside[0]]
-        raise ScanError(f"{path} holds no array '{name}'{_listed(volumes)}.")
+        raise ScanError(f"{path} holds no array '{name}'{_list_volumes(volumes)}.")
     if not volumes:
         raise ScanError(f"{path} holds no array of three axes (z, y, x): a scan needs one.")
     if len(volumes) == 1:
@@ -114,7 +114,7 @@ def _choose(file: Any, name: str | None, path: Path) -> Any:
     )
 
 
-def _listed(volumes: Mapping[str, Any]) -> str:
+def _list_volumes(volumes: Mapping[str, Any]) -> str:
     names = [f"/{key} ({' x '.join(map(str, item.shape))})" for key, item in volumes.items()]
     return ": " + ", ".join(names[:8]) + (", ..." if len(names) > 8 else "") if names else ""
 

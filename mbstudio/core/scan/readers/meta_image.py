@@ -87,7 +87,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
         unit_word,
         corner,
         fields,
-        grid=None if grid.says_nothing else grid,
+        grid=None if grid.is_placeholder else grid,
         doubt=doubt,
     )
 
@@ -169,7 +169,7 @@ def _shape(fields: dict[str, str], path: Path) -> tuple[int, int, int]:
     return z, y, x
 
 
-def _true(text: str) -> bool:
+def _is_true(text: str) -> bool:
     return text.strip().lower() in ("true", "t", "1", "yes")
 
 

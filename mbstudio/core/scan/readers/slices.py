@@ -75,7 +75,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     size = tiff.stated_size_of(files[0])
     size_notes = size.notes
     if size.spacing is not None and not size.notes and "spacing" not in size.metadata:
-        size_notes = tiff.as_far_apart_as_rows(size)
+        size_notes = tiff.note_assumed_spacing(size)
     return Reading(
         stack, size.spacing, size.unit, size.unit_word, metadata=size.metadata, notes=notes,
         size_notes=size_notes, doubt=size.doubt, white_is_zero=white_is_zero,

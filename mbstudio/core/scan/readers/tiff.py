@@ -348,7 +348,7 @@ def stated_size_of(file: Path) -> StatedSize:
         return stated_size(document)
 
 
-def as_far_apart_as_rows(size: StatedSize) -> tuple[str, ...]:
+def note_assumed_spacing(size: StatedSize) -> tuple[str, ...]:
     """Return the note that slices of a folder are taken to be as far apart as rows."""
     assert size.spacing is not None
     assert size.unit is not None

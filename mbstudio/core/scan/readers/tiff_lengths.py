@@ -150,7 +150,7 @@ def _imagej_size(document: Any, pixel: tuple[float, float] | None) -> StatedSize
         if "zunit" in facts:
             z_unit = y_unit
         has_slices = math.prod(document.series[0].shape[:-2]) > 1
-        if has_slices and _wrote_itself(facts) and abs(pixel[0] - 1) > 0.01:
+        if has_slices and _is_by_imagej(facts) and abs(pixel[0] - 1) > 0.01:
             # ImageJ leaves out a distance of 1, which is also what it assumes where nothing was set.
             doubt = (
                 f"gives pixels of {pixel[1]:g} {x_unit or ''} and slices 1 {z_unit or ''} apart, "
@@ -168,7 +168,7 @@ def _imagej_size(document: Any, pixel: tuple[float, float] | None) -> StatedSize
     return StatedSize(size.spacing, size.unit, size.unit_word, facts, notes, doubt)
 
 
-def _wrote_itself(facts: dict[str, Any]) -> bool:
+def _is_by_imagej(facts: dict[str, Any]) -> bool:
     """Whether ImageJ wrote the file; tifffile writes its name with version 1.11a."""
     return str(facts.get("ImageJ", "")).strip() not in ("", "1.11a")
 

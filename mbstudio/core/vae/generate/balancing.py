@@ -81,7 +81,7 @@ def inclusion(
     wanted = np.zeros(1 + constraints)
     wanted[0] = count
     factors = np.zeros(1 + constraints)
-    factors[0] = _even(base, count)
+    factors[0] = _offset_for_count(base, count)
     value = _dual(design, base, factors, wanted, penalty * count)
     for _ in range(_MOST_ITERATIONS):
         p = _sigmoid(base + design @ factors)
@@ -109,7 +109,7 @@ def inclusion(
     return Inclusion(p, missed[1:], float(p.sum() ** 2 / max(np.square(p).sum(), 1e-300)), bool(met))
 
 
-def _even(base: np.ndarray, count: int) -> float:
+def _offset_for_count(base: np.ndarray, count: int) -> float:
     """Return the constant to add to the log odds so that the probabilities sum to `count`."""
     low, high = -50.0 - base.max(), 50.0 - base.min()
     for _ in range(200):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64
@@ -47,14 +47,29 @@ class Reached:
         The figure in words.
     wanted, found : float
         In the factor's unit, or in percent.
-    met : bool
+    is_met : bool
         Whether within the tolerance.
     """
 
     what: str
     wanted: float
     found: float
-    met: bool
+    is_met: bool
+
+    def as_record(self) -> dict[str, Any]:
+        """Return the figure as project files and JSON output hold it."""
+        return {"what": self.what, "wanted": self.wanted, "found": self.found, "met": self.is_met}
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Reached:
+        """Return the figure of a record.
+
+        Raises
+        ------
+        KeyError
+            If something is missing from the record.
+        """
+        return cls(record["what"], record["wanted"], record["found"], record["met"])
 
 
 @dataclass(frozen=True)

@@ -262,9 +262,9 @@ class _GenerationRun:
             before = set(choice.rows.tolist())
             if before & self._unmeasurable:
                 continue
-            if all(figure.met for figure in self._reached(choice)):
+            if all(figure.is_met for figure in self._reached(choice)):
                 return choice, self._population(choice)
-        missed = next((figure for figure in self._reached(choice) if not figure.met), None)
+        missed = next((figure for figure in self._reached(choice) if not figure.is_met), None)
         words = "" if missed is None else f": {missed.what} comes to {missed.found:.4g}"
         raise GenerationError(
             f"These parents cannot give {self._describe_conditions()} closely enough{words}."

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.imaging.depths import count_outside
-from mbstudio.core.imaging.fast.guard import wrongly_empty
+from mbstudio.core.imaging.fast.guard import find_wrongly_empty
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.fast.rows import Residuals
 from mbstudio.core.imaging.preprocess import PreparedGrain
@@ -225,7 +225,7 @@ def _make_sound(search: TemplateFit, settings: TemplateFitSettings) -> Topology:
             break
         if found.pieces > 1:
             _pull_in(search, found)
-        empty, depths = wrongly_empty(search.control, search.prepared, rng)
+        empty, depths = find_wrongly_empty(search.control, search.prepared, rng)
         if len(empty):
             search.hold_points(empty, depths, weight=2.0 * (1 + number))
         search.damping = max(search.damping, 0.1)

@@ -41,7 +41,7 @@ def factors_and_slopes(
     n = avatars.log_weights.shape[1]
     factors, slopes = np.empty((len(avatars), len(MEANINGS))), np.zeros((len(avatars), 5, 4 * n + 1))
     for i in range(len(avatars)):
-        factors[i, :4], by_radii = _of_star(radii[i], along, faces)
+        factors[i, :4], by_radii = _star_factors_and_slopes(radii[i], along, faces)
         factors[i, 0] += np.log(avatars.diameters[i])
         logs = np.log(few[i])[None]
         left = departures(logs)
@@ -54,7 +54,7 @@ def factors_and_slopes(
     return factors, slopes
 
 
-def _of_star(
+def _star_factors_and_slopes(
     radii: np.ndarray, along: np.ndarray, faces: np.ndarray
 ) -> tuple[Float64[np.ndarray, "4"], Float64[np.ndarray, "4 directions"]]:
     """Return ln of D_n, I / L, CSF and sphericity of a star's mesh, and their derivatives by the radii."""

@@ -116,18 +116,18 @@ class PreviewWork(QObject):
 
     # ---- inside ----------------------------------------------------------------------------------
 
-    def _submit(self, what: str, title: str, work: Any, take: Any, refused: Any) -> None:
+    def _submit(self, what: str, title: str, work: Any, on_done: Any, on_refused: Any) -> None:
         self.drop(what)
         task = Task(title, work)
         task.handled = (MbstudioError,)
 
         def succeeded(result: Any) -> None:
             if self._tasks.get(what) is task:
-                take(result)
+                on_done(result)
 
         def failed(error: Exception) -> None:
             if self._tasks.get(what) is task and isinstance(error, MbstudioError):
-                refused.emit(str(error))
+                on_refused.emit(str(error))
 
         task.succeeded.connect(succeeded)
         task.failed.connect(failed)
@@ -152,12 +152,12 @@ class PreviewWork(QObject):
             for place, (name, avatar) in enumerate(named):
                 control.progress(place / len(named), tr("Measuring {name}", name=name))
                 (body,) = prepare_bodies([avatar], [name], unit, None)
-                parts.append(SpecimenKinds.of([body], unit))
-            self._kinds = avatars, _together(parts, unit)
+                parts.append(SpecimenKinds.from_bodies([body], unit))
+            self._kinds = avatars, _join_kinds(parts, unit)
         return self._kinds[1]
 
 
-def _together(parts: Sequence[SpecimenKinds], unit: str) -> SpecimenKinds:
+def _join_kinds(parts: Sequence[SpecimenKinds], unit: str) -> SpecimenKinds:
     return SpecimenKinds(
         tuple(name for part in parts for name in part.names),
         np.concatenate([part.sizes for part in parts]),

@@ -77,11 +77,11 @@ class ClumpChoice(QWidget):
             self._most_row,
         ):
             layout.addWidget(part)
-        self.by.currentIndexChanged.connect(self._by_changed)
+        self.by.currentIndexChanged.connect(self._show_measure)
         for whole in (self.number, self.most):
             whole.valueChanged.connect(lambda _: self.changed.emit())
         self.limit.valueChanged.connect(lambda _: self.changed.emit())
-        self._by_changed()
+        self._show_measure()
 
     @property
     def values(self) -> dict[str, Any]:
@@ -100,7 +100,7 @@ class ClumpChoice(QWidget):
         if limit is not None:
             self.limit.setValue(limit)
 
-    def _by_changed(self) -> None:
+    def _show_measure(self) -> None:
         measure = str(self.by.currentData())
         self._number_row.setVisible(not measure)
         self._limit_row.setVisible(bool(measure))

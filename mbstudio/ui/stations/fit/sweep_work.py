@@ -88,7 +88,7 @@ class SweepWork(Work):
         )
         task = Task(title, steps, prepare=lambda _: tuple(found), fraction=fraction)
         task.reported.connect(self._report)
-        task.ended.connect(lambda: self._take(grains, found))
+        task.ended.connect(lambda: self._keep_rows(grains, found))
         self.rows = []
         self.run.start(task)
         self.rows_changed.emit()
@@ -99,7 +99,7 @@ class SweepWork(Work):
             self.rows = list(report.view)
             self.rows_changed.emit()
 
-    def _take(self, grains: object, found: list[SweepRow]) -> None:
+    def _keep_rows(self, grains: object, found: list[SweepRow]) -> None:
         if grains is not self.workspace.state.grains:
             return
         self.rows = list(found)

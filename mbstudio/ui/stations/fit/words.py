@@ -55,12 +55,14 @@ def describe_fits(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple
         reached = sum(reaches_goals(fit) for fit in aimed)
         told.append(tr("{reached} of {aimed} reach the target.", reached=reached, aimed=len(aimed)))
     if bad:
-        told.append(tr("Not valid: grain {labels}. More control points usually help.", labels=_listed(bad)))
+        told.append(
+            tr("Not valid: grain {labels}. More control points usually help.", labels=_list_labels(bad))
+        )
     warned = [label for label, fit in fits.items() if fit.verdict.warnings]
     if warned:
         warnings = " ".join(fits[warned[0]].verdict.warnings)
         told.append(
-            tr("With warnings: grain {labels}: {warnings}", labels=_listed(warned), warnings=warnings)
+            tr("With warnings: grain {labels}: {warnings}", labels=_list_labels(warned), warnings=warnings)
         )
     if failed:
         told.append(
@@ -74,7 +76,7 @@ def describe_fits(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple
     return "warning" if bad or failed or warned else "success", " ".join(told)
 
 
-def _listed(labels: list[int]) -> str:
+def _list_labels(labels: list[int]) -> str:
     shown = ", ".join(str(label) for label in labels[:6])
     return shown if len(labels) <= 6 else tr("{labels} and {n} more", labels=shown, n=len(labels) - 6)
 

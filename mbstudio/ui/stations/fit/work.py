@@ -45,7 +45,7 @@ class _Fitting:
     run: FitRun | None = None
     stop: bool = False
     refusal: str = ""  # why the last change of n was not made; told from the main thread
-    standing: FitResult | None = None  # what a crash would leave of it
+    latest: FitResult | None = None  # what a crash would leave of it
     announced: FitResult | None = None
 
 
@@ -178,7 +178,7 @@ class FitWork(Work):
             title, steps, prepare=_prepare, fraction=_target_fraction if fitting.target else _fraction
         )
         task.reported.connect(lambda report: self._report(fitting, report))
-        task.succeeded.connect(lambda last: self._take(fitting, last))
+        task.succeeded.connect(lambda last: self._keep_fits(fitting, last))
         task.ended.connect(self.arrived)
 
         def end_early() -> None:
@@ -193,8 +193,8 @@ class FitWork(Work):
 
     def _report(self, fitting: _Fitting, report: Report) -> None:
         label = fitting.label
-        if fitting.standing is not fitting.announced:
-            fitting.announced = fitting.standing
+        if fitting.latest is not fitting.announced:
+            fitting.announced = fitting.latest
             self.arrived.emit()
         if fitting.refusal:
             self.said.emit("warning", fitting.refusal)
@@ -214,7 +214,7 @@ class FitWork(Work):
         if report.view is not None:
             self.avatar_moved.emit(label, report.view)
 
-    def _take(self, fitting: _Fitting, last: object) -> None:
+    def _keep_fits(self, fitting: _Fitting, last: object) -> None:
         if not isinstance(last, _Finished) or fitting is not self._fitting:
             return
         result = last.result
@@ -303,7 +303,7 @@ def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Fin
             time.sleep(max(0.0, last + sphere - time.monotonic()))
             last = time.monotonic()
         elif time.monotonic() - kept > KEPT_EVERY:
-            fitting.standing, kept = fitting.run.result(), time.monotonic()
+            fitting.latest, kept = fitting.run.result(), time.monotonic()
         yield step
         begun = begun or step.phase == "search"
         if fitting.stop and begun:

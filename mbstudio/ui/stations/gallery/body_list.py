@@ -119,7 +119,7 @@ class _Model(QAbstractListModel):
                 self.wanted.emit()
             return QIcon(picture or self._blank)
         if role == Qt.ItemDataRole.DisplayRole:
-            return f"{self.bodies.keys[row]}\n{self._told(row)}"
+            return f"{self.bodies.keys[row]}\n{self._describe_row(row)}"
         if role == Qt.ItemDataRole.ToolTipRole:
             lines = [
                 f"{factor_title(name)}: {self.bodies.value(name, row)}"
@@ -130,7 +130,7 @@ class _Model(QAbstractListModel):
             return "\n".join([one, *lines])
         return None
 
-    def _told(self, row: int) -> str:
+    def _describe_row(self, row: int) -> str:
         """Return the factor that the order is by, else the nominal diameter and the sphericity."""
         assert self.bodies is not None
         shown = [self.by] if self.by in self.bodies.columns else []

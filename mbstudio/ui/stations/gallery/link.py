@@ -166,13 +166,13 @@ class GalleryLink(QObject):
                 yield row, bodies.draw(row)
 
         task = Task(tr("Drawing the gallery"), pictures)
-        task.reported.connect(lambda report: self._take(bodies, report))
+        task.reported.connect(lambda report: self._show_picture(bodies, report))
         running = self._studio.queue.running(LANE)
         if running is not None:
             running.cancel()
         self._studio.queue.submit(task, lane=LANE, key=LANE)
 
-    def _take(self, bodies: Bodies, report: Report) -> None:
+    def _show_picture(self, bodies: Bodies, report: Report) -> None:
         for row, picture in report.steps:
             self.gallery.list.set_picture(bodies, row, pixmap_of(picture))
 

@@ -41,7 +41,7 @@ class GrainWork(Work):
             return grains, _notes(told, SegmentationWarning)
 
         task = Task(tr("Finding grains"), work)
-        task.succeeded.connect(lambda found: self._take(scan, found[0], settings, found[1]))
+        task.succeeded.connect(lambda found: self._keep_grains(scan, found[0], settings, found[1]))
         return self.queue.submit(task)
 
     def load(self, path: Path) -> Task | None:

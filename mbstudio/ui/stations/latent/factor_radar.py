@@ -21,7 +21,7 @@ from mbstudio.ui.widgets.forms import badge, label, set_badge
 from mbstudio.ui.widgets.numbers import readable_power_unit
 
 
-def standing(name: str, below: float) -> str:
+def describe_rank(name: str, below: float) -> str:
     """Return where a factor stands among the parents, in words: flatter than 85 %."""
     less, more = LATENT_MEANINGS[name].less, LATENT_MEANINGS[name].more
     share, word = (below, more) if below >= 0.5 else (1.0 - below, less)
@@ -169,7 +169,7 @@ class FactorPage(QWidget):
         for (name, value), share in zip(grain.values.items(), shares, strict=True):
             text, words = self._cells[name]
             text.setText(f"{value:.4g} {unit}" if name == "size" else f"{value:.3f}")
-            words.setText(standing(name, float(share)))
+            words.setText(describe_rank(name, float(share)))
         for field, value, name in ((self._volume, grain.volume, "volume"), (self._area, grain.area, "area")):
             factor = FACTORS[name]
             told = readable_power_unit(value, grain.avatar.unit, factor.power)

@@ -89,10 +89,10 @@ class LatentLink(QObject):
         self._panel.style_asked.connect(lambda: self._studio.enter("style"))
         shelf.kept.currentRowChanged.connect(lambda _: self._studio.offers.choose_kept(shelf.kept.chosen))
         blend.picked.connect(self.pick)
-        blend.share_moved.connect(lambda share: self._between(share, False))
-        blend.share_settled.connect(lambda share: self._between(share, True))
-        blend.strength_moved.connect(lambda strength: self._sum(strength, False))
-        blend.strength_settled.connect(lambda strength: self._sum(strength, True))
+        blend.share_moved.connect(lambda share: self._interpolate(share, False))
+        blend.share_settled.connect(lambda share: self._interpolate(share, True))
+        blend.strength_moved.connect(lambda strength: self._add_difference(strength, False))
+        blend.strength_settled.connect(lambda strength: self._add_difference(strength, True))
         blend.ghosts_changed.connect(self.show_ghosts)
         blend.animation_asked.connect(self.ask_animation)
         self._dock.map.walked.connect(self._walk)
@@ -288,7 +288,7 @@ class LatentLink(QObject):
         steps = interpolate(learner, self.letters["A"][1], self.letters["B"][1], STRIP)
         self.pictures.ask({f"step {place}": step for place, step in enumerate(steps)}, "strip")
 
-    def _between(self, share: float, final: bool) -> None:
+    def _interpolate(self, share: float, final: bool) -> None:
         if not {"A", "B"} <= set(self.letters):
             return
         (a, first), (b, second) = self.letters["A"], self.letters["B"]
@@ -297,7 +297,7 @@ class LatentLink(QObject):
         operation = Operation("between", given, words)
         (self._work.commit if final else self._work.preview)(operation)
 
-    def _sum(self, strength: float, final: bool) -> None:
+    def _add_difference(self, strength: float, final: bool) -> None:
         if not set(LETTERS) <= set(self.letters):
             return
         (a, first), (b, second), (c, third) = (self.letters[letter] for letter in LETTERS)

@@ -23,7 +23,7 @@ from mbstudio.core.vae.shaping.meaning import HELD
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.stations.latent.factor_radar import show_lights, standing
+from mbstudio.ui.stations.latent.factor_radar import describe_rank, show_lights
 from mbstudio.ui.stations.latent.work import LatentWork
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.widgets.forms import badge, label, primary_button, quiet_button
@@ -343,7 +343,7 @@ class LatentPanel(Panel):
             units = known.units(grain.factors)
             for row, (name, slider) in enumerate(self.meanings.items()):
                 slider.set_amber(outside and not 0.0 < shares[row] < 1.0)
-                slider.set_value(float(units[row]), standing(name, float(shares[row])))
+                slider.set_value(float(units[row]), describe_rank(name, float(shares[row])))
         for k, slider in self.components.items():
             slider.set_value(float(grain.latent[k]), self._effect(k))
             slider.set_amber(outside and abs(grain.latent[k] - about.mean[k]) > 0.999 * about.reach[k])

@@ -67,10 +67,10 @@ class LatentPictures(QObject):
                 yield name, vector, thumbnail(learner.decode(vector[None]).avatar(0), colour, SIDE)
 
         task = Task(tr("Drawing small pictures"), drawn)
-        task.reported.connect(lambda report: self._take(learner, report))
+        task.reported.connect(lambda report: self._deliver_picture(learner, report))
         self._queue.submit(task, lane=LANES[key in ("parents", "clones")], key=key)
 
-    def _take(self, learner: StyleLearner, report: Report) -> None:
+    def _deliver_picture(self, learner: StyleLearner, report: Report) -> None:
         if learner is not self._learner:
             return
         for name, vector, picture in report.steps:

@@ -99,14 +99,14 @@ class LatentWork(Work):
         if learner is self._wanted:
             return
         self._wanted = learner
-        self._take(None, None)
+        self._use_learner(None, None)
         if learner is None:
             return
         task = Task(tr("Measuring the parents"), lambda control: ParentsRange.measure(learner))
-        task.succeeded.connect(lambda about: self._take(learner, about))
+        task.succeeded.connect(lambda about: self._use_learner(learner, about))
         self.queue.submit(task, lane="latent", key="about")
 
-    def _take(self, learner: StyleLearner | None, about: ParentsRange | None) -> None:
+    def _use_learner(self, learner: StyleLearner | None, about: ParentsRange | None) -> None:
         if learner is not None and learner is not self._wanted:
             return
         self.learner, self.about, self.meanings, self.grain = learner, about, None, None
@@ -196,7 +196,7 @@ class LatentWork(Work):
     def preview(self, operation: Operation, *, instead: bool = False) -> None:
         """Show what an operation would lead to, coarsely; the newest one asked for wins."""
         learner, meanings = self.learner, self.meanings
-        start, operation = self._start(operation, instead), self._given_leave(operation)
+        start, operation = self._start(operation, instead), self._with_permission(operation)
         if learner is None or start is None:
             return
 
@@ -217,7 +217,7 @@ class LatentWork(Work):
             another seed or strength.
         """
         learner = self.learner
-        start, operation = self._start(operation, instead), self._given_leave(operation)
+        start, operation = self._start(operation, instead), self._with_permission(operation)
         if learner is None or start is None:
             return False
         try:
@@ -234,19 +234,19 @@ class LatentWork(Work):
         """Return where an operation begins: where one stands, or stood before the last one of its kind."""
         return self.history.before_last(operation.kind) if instead else self.history.stance
 
-    def _given_leave(self, operation: Operation) -> Operation:
+    def _with_permission(self, operation: Operation) -> Operation:
         """Return the operation with the leave to go far outside the parents, where that was given."""
         return replace(operation, given={**operation.given, BEYOND: True}) if self.beyond else operation
 
     def undo(self) -> None:
         """Go back one step."""
         if self.history.undo():
-            self._went()
+            self._show_step()
 
     def redo(self) -> None:
         """Go forth again."""
         if self.history.redo():
-            self._went()
+            self._show_step()
 
     def reset(self) -> None:
         """Go back to what the grain was before it was shaped, as one step of undo."""
@@ -256,9 +256,9 @@ class LatentWork(Work):
 
     def _push(self, stance: Stance) -> None:
         self.history.push(stance)
-        self._went()
+        self._show_step()
 
-    def _went(self) -> None:
+    def _show_step(self) -> None:
         self.render()
         self.stepped.emit()
 
@@ -322,14 +322,14 @@ class LatentWork(Work):
             at = stance.latent
             return keeping.find_variations(learner, at, given, count, seed, meanings, control.progress)
 
-        def take(made: list[tuple[np.ndarray, Operation]]) -> None:
+        def keep_found(made: list[tuple[np.ndarray, Operation]]) -> None:
             if len(made) < count:
                 self.said.emit("warning", describe_few_valid(len(made), count))
             if learner is self.learner and made:
                 self._keep([(latent, (*stance.operations, operation)) for latent, operation in made])
 
         task = Task(tr("Making {count} variations", count=count), work)
-        task.succeeded.connect(take)
+        task.succeeded.connect(keep_found)
         return self.queue.submit(task)
 
     def forget(self, names: Iterable[str]) -> None:
@@ -363,7 +363,7 @@ class LatentWork(Work):
             for number, (latent, operations) in enumerate(made, first)
         ]
         self.history.change(
-            title_of_keeping(found[0].name, len(found), first),
+            keeping_title(found[0].name, len(found), first),
             kept=(*before, *keeping.measure_recipes(self.learner, found)),
         )
         self.stepped.emit()
@@ -424,7 +424,7 @@ def describe_few_valid(made: int, wanted: int) -> str:
     )
 
 
-def title_of_keeping(name: str, count: int, first: int) -> str:
+def keeping_title(name: str, count: int, first: int) -> str:
     """Return the history's title for grains that were kept, numbered from `first` on."""
     if count == 1:
         return tr("Keep {name}", name=name)

@@ -105,13 +105,13 @@ class PopulationLink(QObject):
         if not self._work.populations:
             return
 
-        def take(pixels: object) -> None:
+        def copy(pixels: object) -> None:
             height, width, _ = pixels.shape  # type: ignore[attr-defined]
             image = QImage(pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)  # type: ignore[attr-defined]
             QGuiApplication.clipboard().setImage(image.copy())
             self._studio.say("success", tr("Copied the figure to the clipboard."))
 
-        draw_figure(self._studio.queue, self._maker()).succeeded.connect(take)
+        draw_figure(self._studio.queue, self._maker()).succeeded.connect(copy)
 
     def ask_report(self) -> None:
         """Ask for a file and write the report on the populations to it."""

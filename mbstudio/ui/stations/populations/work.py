@@ -114,7 +114,7 @@ class PopulationWork(Work):
         if state.grains is None or self.run.is_running:
             return None
         task = Task(tr("Measuring populations"), lambda control: _measure(state, asked, control))
-        task.succeeded.connect(self._take)
+        task.succeeded.connect(self._keep_populations)
         return self.run.start(task)
 
     def write_report(self, path: Path, sieves: SieveSeries = "iso") -> Task | None:
@@ -137,10 +137,10 @@ class PopulationWork(Work):
             return measured
 
         task = Task(tr("Writing {name}", name=path.name), work)
-        task.succeeded.connect(self._take)
+        task.succeeded.connect(self._keep_populations)
         return self.run.start(task)
 
-    def _take(self, measured: Measured) -> None:
+    def _keep_populations(self, measured: Measured) -> None:
         self._kept = [measured, *(one for one in self._kept if one is not measured)][:KEPT]
         if measured.state.grains is self.workspace.state.grains:
             self.measured = measured

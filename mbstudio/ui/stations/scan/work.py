@@ -94,7 +94,7 @@ class ScanWork(Work):
             return _opened(scan, tr("Open {name}", name=path.name), path.name.capitalize(), control)
 
         task = Task(tr("Opening {name}", name=path.name), work)
-        task.succeeded.connect(self._take)
+        task.succeeded.connect(self._use_scan)
         task.succeeded.connect(lambda _: self.workspace.remember(path))
         if answer.shape is None and is_raw(path):
             # What lies beside the file, or its name, may be wrong: the person can tell what is right.
@@ -111,7 +111,7 @@ class ScanWork(Work):
             tr("Making the sample scan"),
             lambda control: _opened(sample_scan().scan, tr("Open sample scan"), tr("Sample scan"), control),
         )
-        task.succeeded.connect(self._take)
+        task.succeeded.connect(self._use_scan)
         return self.queue.submit(task)
 
     def take_part(self, scan: Scan, block: Block, factors: Counts) -> Task:
@@ -167,7 +167,7 @@ class ScanWork(Work):
         task = Task(tr("Opening the project's scan"), lambda control: project.scan_of(reference))
         task.succeeded.connect(lambda scan: self._give(project, reference, scan))
         task.handled = (ScanError,)
-        task.failed.connect(lambda error: self._miss(project, error))
+        task.failed.connect(lambda error: self._report_missing(project, error))
         return self.queue.submit(task)
 
     def relocate(self, path: Path) -> Task | None:
@@ -176,16 +176,16 @@ class ScanWork(Work):
         if reference is None:
             return None
 
-        def take(scan: Scan) -> None:
+        def use_relocated(scan: Scan) -> None:
             if project is self.workspace.project:
                 self.workspace.change(tr("Relocate scan"), scan=replace(reference, path=path))
                 self.workspace.give_scan(scan)
                 self.said.emit("success", tr("Found the project's scan in {path}.", path=path))
 
         task = Task(tr("Opening {name}", name=path.name), lambda control: reopen(reference, path))
-        task.succeeded.connect(take)
+        task.succeeded.connect(use_relocated)
         task.handled = (ScanError,)
-        task.failed.connect(lambda error: self._miss(project, error))
+        task.failed.connect(lambda error: self._report_missing(project, error))
         return self.queue.submit(task)
 
     def _miss(self, project: object, error: Exception) -> None:

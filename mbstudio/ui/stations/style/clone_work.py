@@ -113,7 +113,7 @@ class CloneWork(Work):
         # What cannot be had is said where it was asked for.
         task.handled = (GenerationError,)
         task.failed.connect(self._refuse)
-        task.succeeded.connect(lambda found: self._take(found, learner))
+        task.succeeded.connect(lambda found: self._keep_clones(found, learner))
         self.refused.emit("")
         return self.run.start(task)
 
@@ -121,11 +121,11 @@ class CloneWork(Work):
         if isinstance(error, GenerationError):
             self.refused.emit(str(error))
 
-    def _take(self, found: Generation, learner: StyleLearner) -> None:
+    def _keep_clones(self, found: Generation, learner: StyleLearner) -> None:
         if learner is not self.workspace.style:
             return
         self.workspace.use_clones(found, tr("Generate {count} clones", count=len(found)))
-        missed = [figure for figure in found.reached if not figure.met]
+        missed = [figure for figure in found.reached if not figure.is_met]
         told = [
             tr(
                 "Generated {clones} clones from {candidates} candidates; all are valid bodies.",

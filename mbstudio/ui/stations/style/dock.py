@@ -53,7 +53,7 @@ class CloneTable(QTableWidget):
         header.setMinimumSectionSize(52)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         self._quiet = False
-        self.itemSelectionChanged.connect(self._told)
+        self.itemSelectionChanged.connect(self._emit_choice)
 
     def show_clones(self, clones: Population | None) -> None:
         """Fill the table anew."""
@@ -91,7 +91,7 @@ class CloneTable(QTableWidget):
                 self.scrollToItem(item)
         self._quiet = False
 
-    def _told(self) -> None:
+    def _emit_choice(self) -> None:
         if not self._quiet:
             rows = self.selectionModel().selectedRows()
             item = self.item(rows[0].row(), 0) if rows else None

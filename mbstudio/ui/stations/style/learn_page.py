@@ -263,7 +263,7 @@ class LearnPage(QWidget):
         self._running.setVisible(running)
         self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
         self.stop_button.setEnabled(self._work.is_training)
-        hint = self._state() if running else "" if ready else self._why_not(folder, count)
+        hint = self._state() if running else "" if ready else self._explain_unready(folder, count)
         self._hint.setText(hint)
         self._hint.setVisible(bool(hint))
 
@@ -271,7 +271,7 @@ class LearnPage(QWidget):
         """Return what runs, how far it is and how long it takes still."""
         return self._work.run.state(tr("Training") if self._work.is_training else tr("Serializing"))
 
-    def _why_not(self, folder: bool, count: int | None) -> str:
+    def _explain_unready(self, folder: bool, count: int | None) -> str:
         if folder:
             return tr("Choose a folder of meshes.")
         if self._workspace.state.grains is None and not count:

@@ -75,7 +75,7 @@ class _Learning:
     training: StyleTraining
     title: str
     stop: bool = False
-    standing: StyleLearner | None = None  # what a crash would leave of it
+    latest: StyleLearner | None = None  # what a crash would leave of it
     announced: StyleLearner | None = None
 
 
@@ -93,7 +93,7 @@ class _Serialized:
     parents: Serialization
     told: tuple[str, ...]
 
-    def is_of(self, key: tuple[Any, ...], state: ProjectState) -> bool:
+    def is_from(self, key: tuple[Any, ...], state: ProjectState) -> bool:
         same = self.state.grains is state.grains and self.state.fits is state.fits
         return key == self.key and same
 
@@ -193,7 +193,7 @@ class StyleWork(Work):
             return StyleTraining(parents, asked.preset, seed=asked.seed, **given)
 
         known = self._serialized
-        if known is not None and known.is_of(key, self.workspace.state):
+        if known is not None and known.is_from(key, self.workspace.state):
             return self._train(known, train, tr("Learn style"))
         return self._serialize(key, asked.parents, asked.n, asked.seed, None, train, tr("Learn style"))
 
@@ -244,21 +244,21 @@ class StyleWork(Work):
         self.began.emit()
         task = Task(tr("Learning the style"), work, fraction=_fraction)
         task.reported.connect(self._report)
-        task.succeeded.connect(lambda last: self._take(last, title, serialized.told))
+        task.succeeded.connect(lambda last: self._keep_learner(last, title, serialized.told))
         task.ended.connect(self.arrived)
         return self.run.start(task, end_early)
 
     def _report(self, report: Report) -> None:
         learning = self._learning
-        if learning is not None and learning.standing is not learning.announced:
-            learning.announced = learning.standing
+        if learning is not None and learning.latest is not learning.announced:
+            learning.announced = learning.latest
             self.arrived.emit()
         records = [step for step in report.steps if not isinstance(step, _Learned)]
         if records:
             self.records += records
             self.recorded.emit(records)
 
-    def _take(self, last: object, title: str, told: tuple[str, ...]) -> None:
+    def _keep_learner(self, last: object, title: str, told: tuple[str, ...]) -> None:
         if not isinstance(last, _Learned):
             return
         card = last.learner.card
@@ -346,7 +346,7 @@ def _drive(learning: _Learning) -> Iterator[TrainingStep | _Learned]:
     kept = time.monotonic()
     for record in learning.training:
         if time.monotonic() - kept > KEPT_EVERY:
-            learning.standing, kept = learning.training.result(), time.monotonic()
+            learning.latest, kept = learning.training.result(), time.monotonic()
         yield record
         if learning.stop:
             break

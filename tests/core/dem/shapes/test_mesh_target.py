@@ -36,7 +36,7 @@ def farthest_from_the_sphere(mesh: trimesh.Trimesh) -> float:
 @pytest.mark.parametrize("subdivisions", [1, 2, 3])
 def test_the_error_is_the_farthest_that_a_triangle_lies_off(ball, subdivisions):
     mesh = trimesh.creation.icosphere(subdivisions, RADIUS)
-    error = MeshErrors(ball, 2 * RADIUS).of((np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    error = MeshErrors(ball, 2 * RADIUS).measure((np.asarray(mesh.vertices), np.asarray(mesh.faces)))
     assert error * 2 * RADIUS == pytest.approx(farthest_from_the_sphere(mesh), rel=0.02)
 
 
@@ -47,7 +47,7 @@ def test_what_a_mesh_leaves_out_counts_too():
     cap = (np.asarray(half.vertices), np.asarray(half.faces))
     reach = float(np.asarray(whole.vertices)[:, 0].max())
     # The farthest point of the half that is not there sees the rim of the one that is.
-    assert MeshErrors(pair, 1.0).of(cap) > 0.9 * reach
+    assert MeshErrors(pair, 1.0).measure(cap) > 0.9 * reach
 
 
 @pytest.mark.parametrize("error", [0.03, 0.004])

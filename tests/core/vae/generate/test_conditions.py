@@ -61,10 +61,10 @@ def test_a_curve_by_mass_counts_mass() -> None:
     sizes, volumes = np.array([1.0, 2.0, 3.0]), np.array([1.0, 1.0, 2.0])
     assert curve.rows(sizes, volumes).sum() == pytest.approx(0)
     (found,) = curve.reached(sizes, volumes)
-    assert found.met
+    assert found.is_met
     assert found.found == pytest.approx(50.0)
     (by_number,) = FactorCurve("intermediate", (2.0,), (40.0,), "number", "mm").reached(sizes, volumes)
-    assert not by_number.met
+    assert not by_number.is_met
     assert by_number.found == pytest.approx(200 / 3)
 
 

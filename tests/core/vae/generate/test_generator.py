@@ -75,7 +75,7 @@ def test_a_range_and_a_sieve_curve_are_met() -> None:
     near = max(1.0, 50 * volume.max() / volume.sum())
     for opening, percent in ((0.36, 30.0), (0.42, 65.0)):
         assert 100 * volume[size <= opening].sum() / volume.sum() == pytest.approx(percent, abs=near)
-    assert all(figure.met for figure in found.reached)
+    assert all(figure.is_met for figure in found.reached)
     assert size_distribution(found.factors).diameter(65) == pytest.approx(0.42, rel=0.03)
 
 

@@ -103,7 +103,7 @@ def test_an_avatar_that_is_there_is_not_lost_for_one_that_is_searched(fitting, i
     fit = stopped(window, idle)
     monkeypatch.setattr(fit_work, "KEPT_EVERY", 0.1)
     window.commands.run("fit.grain")
-    qtbot.waitUntil(lambda: window.stations.fit.work._fitting.standing is not None, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: window.stations.fit.work._fitting.latest is not None, timeout=PATIENCE)
     wait_for_more(window, qtbot)
     assert keep().fits[label] is fit
     window.queue.running().cancel()

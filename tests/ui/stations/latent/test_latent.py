@@ -21,7 +21,7 @@ from mbstudio.scene import camera
 from mbstudio.scene.pictures.animation import AnimationError, require_writer
 from mbstudio.ui.latest_request_worker import LatestRequestWorker
 from mbstudio.ui.stations.latent.blend_page import STRIP
-from mbstudio.ui.stations.latent.factor_radar import standing
+from mbstudio.ui.stations.latent.factor_radar import describe_rank
 from mbstudio.ui.widgets.grain_strip import grain_mime
 from tests.ui.conftest import PATIENCE
 from tests.ui.hand import changed, drag
@@ -287,8 +287,8 @@ def test_factors_among_the_parents_and_far_outside_in_amber(shaping, rest, learn
     # It is flatter than all but itself, which counts half: (20 - 1/2) / 20 = 97.5 %.
     assert page.words("csf") in ("flatter than 97 %", "flatter than 98 %")
     assert page.light.text() == "● Valid"
-    assert standing("size", 0.85) == "larger than 85 %"
-    assert standing("roughness", 0.0) == "smoother than all parents"
+    assert describe_rank("size", 0.85) == "larger than 85 %"
+    assert describe_rank("roughness", 0.0) == "smoother than all parents"
     # Far outside is held and shown in amber.
     k = next(iter(window.stations.latent.panel.components))
     work.commit(Operation("component", {"component": k, "to": 1e4}, "far"))

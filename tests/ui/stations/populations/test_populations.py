@@ -51,7 +51,9 @@ def opened(window, idle, sand):
 @pytest.fixture
 def measured(opened, idle, sand):
     """The window at station Populations with everything measured."""
-    opened.stations.populations.work._take(Measured(opened.stations.populations.work.asked, *sand))
+    opened.stations.populations.work._keep_populations(
+        Measured(opened.stations.populations.work.asked, *sand)
+    )
     opened.stations.populations.work.changed.emit()
     opened.enter("populations")
     idle()
@@ -333,7 +335,9 @@ def test_a_factor_that_is_added_to_the_table_can_be_chosen_and_drawn(opened, idl
     with FACTORS.extended(added):
         state, _ = sand
         found = measure_project(Project(state), [1, 2, 3])
-        opened.stations.populations.work._take(Measured(opened.stations.populations.work.asked, state, found))
+        opened.stations.populations.work._keep_populations(
+            Measured(opened.stations.populations.work.asked, state, found)
+        )
         opened.stations.populations.work.changed.emit()
         opened.enter("populations")
         idle()

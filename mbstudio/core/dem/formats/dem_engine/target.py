@@ -25,7 +25,7 @@ from mbstudio.core.dem.formats.clump_files import (
 )
 from mbstudio.core.dem.formats.dem_engine.deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.manifest import check_moments
-from mbstudio.core.dem.reading_back import must_agree, read_text
+from mbstudio.core.dem.reading_back import read_text, require_agreement
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
 
@@ -90,9 +90,9 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     for item in manifest["items"]:
         check_sphere_table(folder / item["files"][0], item, _HEADER)
         file, numbers = found[item["name"]]
-        must_agree(path, "'file'", [file], [item["files"][0]])
-        must_agree(path, "'mass'", numbers[:1], [item["mass"]])
-        must_agree(path, "'moi'", numbers[1:], item["moments"])
+        require_agreement(path, "'file'", [file], [item["files"][0]])
+        require_agreement(path, "'mass'", numbers[:1], [item["mass"]])
+        require_agreement(path, "'moi'", numbers[1:], item["moments"])
         check_moments(item["name"], item["mass"], [float(number) for number in numbers[1:]])
     if read_text(folder / _LOADER) != _SCRIPT:
         raise ExportError(f"{folder / _LOADER} is not the script that mbstudio writes: export again.")

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.dem.body import DemBody
-from mbstudio.core.dem.reading_back import must_agree, number_rows, read_text
+from mbstudio.core.dem.reading_back import number_rows, read_text, require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.pouring import check_count
 from mbstudio.core.dem.specimen.settling import GRAVITY, POISSON, Stack, stacked_grains
@@ -260,7 +260,7 @@ def _check_materials(path: Path, manifest: Mapping[str, Any]) -> None:
     if len(found) != len(manifest["items"]):
         raise ExportError(f"{path} has {len(found)} clusters; the manifest says {len(manifest['items'])}.")
     for _, density in found:
-        must_agree(path, "'PARTICLE_DENSITY'", [density], [manifest["density"]])
+        require_agreement(path, "'PARTICLE_DENSITY'", [density], [manifest["density"]])
 
 
 def _check_parameters(path: Path) -> None:
@@ -270,8 +270,8 @@ def _check_parameters(path: Path) -> None:
         materials = content["solver_settings"]["material_import_settings"]["materials_filename"]
     except (KeyError, TypeError, ValueError) as error:
         raise ExportError(f"{path} lacks {error} or holds something else there.") from error
-    must_agree(path, "'GravityZ'", [str(gravity)], [-GRAVITY])
-    must_agree(path, "'materials_filename'", [str(materials)], [MATERIALS_NAME])
+    require_agreement(path, "'GravityZ'", [str(gravity)], [-GRAVITY])
+    require_agreement(path, "'materials_filename'", [str(materials)], [MATERIALS_NAME])
     if not 0 < step < end:
         raise ExportError(f"{path} has a time step of {step:g} s for {end:g} s.")
 

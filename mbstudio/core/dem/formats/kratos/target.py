@@ -22,7 +22,7 @@ from mbstudio.core.dem.formats.clump_files import (
 )
 from mbstudio.core.dem.formats.kratos.case import CASE_FILES, check_case, write_case
 from mbstudio.core.dem.manifest import check_moments
-from mbstudio.core.dem.reading_back import agrees, must_agree, number_rows, read_text
+from mbstudio.core.dem.reading_back import agrees, number_rows, read_text, require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
@@ -87,9 +87,9 @@ def _check_cluster(path: Path, item: Mapping[str, Any]) -> None:
     size = 2 * float((np.linalg.norm(rows[:, :3], axis=1) + rows[:, 3]).max())
     if not agrees(found["Size"], [size], 1e-6) or not agrees(found[_CENTER], [0.0, 0.0, 0.0, size], 1e-6):
         raise ExportError(f"{path} states another centre or size than its spheres have: Kratos scales by it.")
-    must_agree(path, "'Volume'", found["Volume"], [item["volume"]])
+    require_agreement(path, "'Volume'", found["Volume"], [item["volume"]])
     wanted = [moment / item["mass"] for moment in item["moments"]]
-    must_agree(path, f"'{_INERTIA}'", found[_INERTIA], wanted)
+    require_agreement(path, f"'{_INERTIA}'", found[_INERTIA], wanted)
     check_moments(item["name"], 1.0, [float(word) for word in found[_INERTIA]])
 
 

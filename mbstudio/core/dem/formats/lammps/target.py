@@ -23,7 +23,7 @@ from mbstudio.core.dem.formats.clump_files import WITH_DECK, check_spheres, desc
 from mbstudio.core.dem.formats.lammps.deck import DECK_NAME, pouring_deck
 from mbstudio.core.dem.formats.lammps.specimen import check_specimen_files, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
-from mbstudio.core.dem.reading_back import must_agree, number_rows, read_lines, read_text
+from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text, require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.shapes.point_masses import balanced_masses
 from mbstudio.core.dem.target import Job, Target, Written
@@ -106,7 +106,7 @@ def _check_molecule(path: Path, item: Mapping[str, Any]) -> None:
     for keyword, wanted in expected.items():
         if keyword not in header:
             raise ExportError(f"{path} lacks '{keyword}'.")
-        must_agree(path, f"'{keyword}'", header[keyword], wanted)
+        require_agreement(path, f"'{keyword}'", header[keyword], wanted)
     check_moments(item["name"], float(header["mass"][0]), [float(word) for word in header["inertia"][:3]])
     tables = {}
     for keyword, columns in _SECTIONS.items():

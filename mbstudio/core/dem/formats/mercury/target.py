@@ -28,7 +28,7 @@ from mbstudio.core.dem.formats.clump_files import (
 )
 from mbstudio.core.dem.formats.mercury.deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.manifest import check_moments
-from mbstudio.core.dem.reading_back import must_agree, number_rows, read_text
+from mbstudio.core.dem.reading_back import number_rows, read_text, require_agreement
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
 
@@ -74,11 +74,13 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     for item in manifest["items"]:
         spheres, mass, tensor, directions = (folder / name for name in item["files"])
         check_sphere_table(spheres, item)
-        must_agree(mass, "the mass", read_text(mass).split(), [item["mass"]])
+        require_agreement(mass, "the mass", read_text(mass).split(), [item["mass"]])
         found = _read_matrix(tensor)
-        must_agree(tensor, "the tensor", _words(found), _words_wanted(np.diag(item["moments"])))
+        require_agreement(tensor, "the tensor", _words(found), _words_wanted(np.diag(item["moments"])))
         check_moments(item["name"], item["mass"], list(found.diagonal()))
-        must_agree(directions, "the directions", _words(_read_matrix(directions)), _words_wanted(np.eye(3)))
+        require_agreement(
+            directions, "the directions", _words(_read_matrix(directions)), _words_wanted(np.eye(3))
+        )
     check_deck(folder / DECK_NAME, manifest)
 
 

@@ -25,7 +25,7 @@ from mbstudio.core.dem.formats.clump_files import (
 )
 from mbstudio.core.dem.formats.pfc.deck import DECK_NAME, check_deck, settling_deck
 from mbstudio.core.dem.manifest import check_moments
-from mbstudio.core.dem.reading_back import must_agree, number_rows, read_lines, read_text
+from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text, require_agreement
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
 
@@ -89,8 +89,8 @@ def _check_template(path: Path, item: Mapping[str, Any]) -> None:
         raise ExportError(f"{path} does not have {count} pebbles, then a volume, then six moments.")
     rows = number_rows(path, [" ".join(numbers[i : i + 4]) for i in range(0, 4 * count, 4)], 4)
     check_spheres(path, rows[:, [1, 2, 3, 0]], item)
-    must_agree(path, "'volume'", tail[1:2], [item["volume"]])
-    must_agree(path, "'inertia'", tail[3:], [*item["details"]["inertia_per_density"], 0.0, 0.0, 0.0])
+    require_agreement(path, "'volume'", tail[1:2], [item["volume"]])
+    require_agreement(path, "'inertia'", tail[3:], [*item["details"]["inertia_per_density"], 0.0, 0.0, 0.0])
     check_moments(item["name"], 1.0, [float(word) for word in tail[3:6]])
 
 
