@@ -123,18 +123,25 @@ class CommandTable(QObject):
     def bind(self, button: QAbstractButton, command_id: str) -> None:
         """Let a button do what a command does, be enabled as it is, and explain itself as it does.
 
-        What the button itself says of what it does stays: it may know more than the menu.
+        A button of a command that switches something stays pressed while it is switched on. What the button
+        itself says of what it does stays: it may know more than the menu.
         """
         action = self._actions[command_id]
+        button.setCheckable(action.isCheckable())
         keeps_tip = bool(button.toolTip())
 
         def follow() -> None:
             button.setEnabled(action.isEnabled())
+            button.setChecked(action.isChecked())
             if not keeps_tip:
                 button.setToolTip(action.toolTip())
 
+        def press() -> None:
+            self.run(command_id)
+            follow()  # the button has switched itself, whether or not the command did anything
+
         action.changed.connect(follow)
-        button.clicked.connect(lambda: self.run(command_id))
+        button.clicked.connect(press)
         follow()
 
     def refresh(self) -> None:

@@ -44,13 +44,14 @@ class ExportPanel(Panel):
 
     Attributes
     ----------
-    export_asked : signal
+    readiness_changed : signal
+        There are avatars to write and a folder for them, or no longer.
     folder_asked : signal
     shape_changed : signal
         Another target, other avatars or options: what is handed over looks different.
     """
 
-    export_asked = Signal()
+    readiness_changed = Signal()
     folder_asked = Signal()
     shape_changed = Signal()
 
@@ -105,7 +106,6 @@ class ExportPanel(Panel):
         self.selection.currentIndexChanged.connect(lambda _: self._selection_taken())
         self.options.changed.connect(self.shape_changed)
         self.browse.clicked.connect(self.folder_asked)
-        self.export_button.clicked.connect(self.export_asked)
         for signal in (
             workspace.fits_changed, workspace.selection_changed, workspace.grains_changed,
             workspace.clones_changed, offers.kept_changed, offers.kept_chosen,
@@ -261,7 +261,7 @@ class ExportPanel(Panel):
             text = ""
         self._hint.setText(text)
         self._hint.setVisible(bool(text))
-        self.export_button.setEnabled(self.is_ready)
+        self.readiness_changed.emit()
         count = self.count
         one, many = _EXPORTS.get(self.selection.currentData(), _AVATARS)
         self.export_button.setText(tr(one if count == 1 else many, count=count) if count else tr("Export"))

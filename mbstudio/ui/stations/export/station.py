@@ -43,7 +43,8 @@ class ExportStation(Station):
 
     def wire(self) -> None:
         self.relay_messages(self.work)
-        self.panel.export_asked.connect(lambda: self.studio.commands.run("export.run"))
+        self.panel.readiness_changed.connect(self.studio.commands.refresh)
+        self.studio.commands.bind(self.panel.export_button, "export.run")
 
     def enter(self) -> None:
         self.link.entered()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.fit.link import FitLink
+from mbstudio.ui.stations.fit.sweep_dock import SweepDock
+from mbstudio.ui.stations.fit.sweep_work import SweepWork
 from mbstudio.ui.stations.fit.work import FitWork
 from mbstudio.ui.widgets.dock_frame import DockFrame
 from mbstudio.ui.workspace import Workspace
@@ -17,23 +19,12 @@ def fit_commands(
     work: FitWork,
     link: FitLink,
     curve: DockFrame,
-    sweep: DockFrame,
-    show_sweep: Callable[[bool], object],
+    sweep: Sequence[Command],
 ) -> list[Command]:
-    """Return the commands of station Fit."""
+    """Return the commands of station Fit, those of the sweep among them."""
     return [
         *_search(space, work, link),
-        Command(
-            id="fit.sweep",
-            title=tr("Sweep over n"),
-            run=show_sweep,
-            menu="Fit",
-            shortcut="Ctrl+Shift+N",
-            icon="ph.chart-line",
-            tip=tr("Loss and errors of the selected grains against n, at station Fit"),
-            enabled=lambda: space.state.grains is not None,
-            checked=lambda: not sweep.isHidden(),
-        ),
+        *sweep,
         curve.command(
             tr("Convergence curve"), tr("Show or hide the convergence curve"), icon="ph.chart-line"
         ),
@@ -99,5 +90,65 @@ def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
             icon="ph.plus-circle",
             tip=tr("Continue the last search"),
             enabled=lambda: work.can_go_on(space.selected),
+        ),
+    ]
+
+
+def sweep_commands(
+    space: Workspace,
+    work: SweepWork,
+    link: FitLink,
+    dock: SweepDock,
+    frame: DockFrame,
+    show: Callable[[bool], object],
+) -> list[Command]:
+    """Return the commands of the sweep over n."""
+
+    def start() -> None:
+        show(True)
+        dock.start()
+
+    def use_n() -> None:
+        if dock.advice is not None:
+            link.use_n(dock.advice)
+
+    return [
+        Command(
+            id="fit.sweep",
+            title=tr("Sweep over n"),
+            run=show,
+            menu="Fit",
+            shortcut="Ctrl+Shift+N",
+            icon="ph.chart-line",
+            tip=tr("Loss and errors of the selected grains against n, at station Fit"),
+            enabled=lambda: space.state.grains is not None,
+            checked=lambda: not frame.isHidden(),
+        ),
+        Command(
+            id="fit.start_sweep",
+            title=tr("Start the sweep"),
+            run=start,
+            menu="Fit",
+            icon="ph.play-circle",
+            tip=tr("Fit the grains with each number of control points that the sweep lists"),
+            enabled=lambda: space.state.grains is not None and not work.run.is_running,
+        ),
+        Command(
+            id="fit.cancel_sweep",
+            title=tr("Cancel the sweep"),
+            run=work.run.cancel,
+            menu="Fit",
+            icon="ph.x-circle",
+            tip=tr("Cancel the sweep; the fits that have ended stay in its plots"),
+            enabled=lambda: work.run.is_running,
+        ),
+        Command(
+            id="fit.use_n",
+            title=tr("Use the n of the sweep"),
+            run=use_n,
+            menu="Fit",
+            icon="ph.check-circle",
+            tip=tr("Fit with the smallest n that meets the limit for all selected rows of the table"),
+            enabled=lambda: dock.advice is not None,
         ),
     ]

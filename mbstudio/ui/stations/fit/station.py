@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.stations.fit.commands import fit_commands
+from mbstudio.ui.stations.fit.commands import fit_commands, sweep_commands
 from mbstudio.ui.stations.fit.link import FitLink
 from mbstudio.ui.stations.fit.panel import FitPanel
 from mbstudio.ui.stations.fit.sweep_dock import SweepDock
@@ -82,20 +82,21 @@ class FitStation(Station):
         self.link = FitLink(studio, view, self.work, self.interval_work, self.panel, self.curve)
 
     def commands(self) -> list[Command]:
-        return fit_commands(
+        sweep = sweep_commands(
             self.studio.workspace,
-            self.work,
+            self.sweep_work,
             self.link,
-            self.curve_frame,
+            self.sweep_dock,
             self.sweep_frame,
             self.show_sweep,
         )
+        return fit_commands(self.studio.workspace, self.work, self.link, self.curve_frame, sweep)
 
     def wire(self) -> None:
         self.relay_messages(self.work, self.sweep_work, self.interval_work)
         self.work.changed.connect(self.studio.refresh)
         self.work.arrived.connect(self.arrived)
-        self.sweep_dock.n_chosen.connect(self.link.use_n)
+        self.sweep_dock.advice_changed.connect(self.studio.commands.refresh)
         self.panel.sweep_button.clicked.connect(lambda: self.show_sweep(True))
         self.sweep_work.changed.connect(self.studio.refresh)
         for button, command in (
@@ -106,6 +107,9 @@ class FitStation(Station):
             (self.panel.more_button, "fit.more"),
             (self.panel.before, "grains.previous"),
             (self.panel.after, "grains.next"),
+            (self.sweep_dock.start_button, "fit.start_sweep"),
+            (self.sweep_dock.cancel_button, "fit.cancel_sweep"),
+            (self.sweep_dock.use_button, "fit.use_n"),
         ):
             self.studio.commands.bind(button, command)
 

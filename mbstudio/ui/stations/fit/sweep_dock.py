@@ -69,11 +69,11 @@ class SweepDock(QFrame):
 
     Attributes
     ----------
-    n_chosen : signal (int)
-        The number that the person wants to fit with.
+    advice_changed : signal
+        Other errors or another limit were chosen, or there are other rows.
     """
 
-    n_chosen = Signal(int)
+    advice_changed = Signal()
 
     def __init__(self, workspace: Workspace, work: SweepWork, theme: Theme) -> None:
         super().__init__()
@@ -139,13 +139,10 @@ class SweepDock(QFrame):
         layout.addLayout(last)
 
     def _connect(self) -> None:
-        self.start_button.clicked.connect(self.start)
-        self.numbers.returnPressed.connect(self.start)
+        self.numbers.returnPressed.connect(self.start_button.click)
         self.numbers.textEdited.connect(lambda _: self._refuse(""))
-        self.cancel_button.clicked.connect(self._work.run.cancel)
         self.limit.valueChanged.connect(lambda _: self._show_rows())
         self.table.itemSelectionChanged.connect(self._choice_changed)
-        self.use_button.clicked.connect(self._use)
         self._work.rows_changed.connect(self._show_rows)
         self._work.changed.connect(self.refresh)
         for signal in (self._workspace.selection_changed, self._workspace.grains_changed):
@@ -189,9 +186,7 @@ class SweepDock(QFrame):
             self.grains.addItem(tr("selected grains ({count})", count=len(self._workspace.chosen)), "chosen")
             self.grains.addItem(tr("all inside ({count})", count=inside), "inside")
             self.grains.setCurrentIndex(self.grains.findData(kind))
-        self.start_button.setEnabled(grains is not None and not running)
         self.start_button.setText(tr("Sweeping …") if running else tr("Sweep"))
-        self.cancel_button.setEnabled(running)
         self._show_rows()
 
     # ---- what came of it -----------------------------------------------------------------------
@@ -290,9 +285,9 @@ class SweepDock(QFrame):
                 n=n,
                 limit=self.limit.value(),
             )
+        self.advice_changed.emit()
         self._advice_note.setText(note)
         self._advice_note.setVisible(bool(note))
-        self.use_button.setEnabled(n is not None)
         self.use_button.setText(tr("Use this n") if n is None else tr("Use n = {n}", n=n))
         self.use_button.setToolTip(
             tr(
@@ -302,10 +297,6 @@ class SweepDock(QFrame):
             if n is None and self._work.rows
             else tr("Fit with the smallest n that meets the limit for all selected rows of the table")
         )
-
-    def _use(self) -> None:
-        if self.advice is not None:
-            self.n_chosen.emit(self.advice)
 
     def _refuse(self, words: str) -> None:
         self.refusal.setText(words)

@@ -30,7 +30,8 @@ class BlendPage(QWidget):
     strength_moved, strength_settled : signal (float)
         Of C + s (A - B).
     ghosts_changed : signal (bool)
-    animation_asked : signal
+    changed : signal
+        Which of A, B and C there are, or whether the way from A to B is being played.
     """
 
     picked = Signal(str, str)
@@ -39,7 +40,7 @@ class BlendPage(QWidget):
     strength_moved = Signal(float)
     strength_settled = Signal(float)
     ghosts_changed = Signal(bool)
-    animation_asked = Signal()
+    changed = Signal()
 
     def __init__(self, icons: Icons) -> None:
         super().__init__()
@@ -73,7 +74,6 @@ class BlendPage(QWidget):
                 "equal change"
             )
         )
-        self.play.setCheckable(True)
         self.play.setToolTip(tr("Play the interpolation from A to B and back"))
         self.play.setAccessibleName(tr("Play"))
         self.play.setIconSize(QSize(20, 20))
@@ -88,6 +88,8 @@ class BlendPage(QWidget):
         self._beat.setInterval(_FRAME)
         self._beat.timeout.connect(self._step)
         self._direction = 1
+        self._filled: set[str] = set()
+        self._knows_meanings = False
         self._connect()
         self.set_ready(set(), False)
 
@@ -152,20 +154,16 @@ class BlendPage(QWidget):
         self.share.settled.connect(self.share_settled)
         self.strength.moved.connect(self.strength_moved)
         self.strength.settled.connect(self.strength_settled)
-        self.apply.clicked.connect(lambda: self.strength_settled.emit(self.strength.value))
         self.told.toggled.connect(self._told_changed)
         self.ghosts.toggled.connect(self.ghosts_changed)
-        self.animation.clicked.connect(self.animation_asked)
-        self.play.toggled.connect(self._play)
 
     def set_ready(self, filled: set[str], knows_meanings: bool) -> None:
         """Tell which of A, B and C are there; what cannot be done yet is greyed."""
-        two, three = {"A", "B"} <= filled, set(LETTERS) <= filled
-        for part in (self.share, self.play, self.animation, self.ghosts):
-            part.setEnabled(two)
-        for part in (self.strength, self.apply):
-            part.setEnabled(three and (knows_meanings or not self.told.isChecked()))
-        self.told.setEnabled(three and knows_meanings)
+        self._filled, self._knows_meanings = set(filled), knows_meanings
+        for part in (self.share, self.ghosts):
+            part.setEnabled(self.can_interpolate)
+        self.strength.setEnabled(self.can_add)
+        self.told.setEnabled(knows_meanings and set(LETTERS) <= filled)
         missing = [letter for letter in LETTERS if letter not in filled]
         self._hint.setText(
             tr(
@@ -176,8 +174,19 @@ class BlendPage(QWidget):
             else ""
         )
         self._hint.setVisible(bool(missing))
-        if not two:
-            self.play.setChecked(False)
+        if not self.can_interpolate:
+            self.stop()
+        self.changed.emit()
+
+    @property
+    def can_interpolate(self) -> bool:
+        """Whether A and B are there."""
+        return {"A", "B"} <= self._filled
+
+    @property
+    def can_add(self) -> bool:
+        """Whether A, B and C are there, and the meanings where the factors are to follow."""
+        return set(LETTERS) <= self._filled and (self._knows_meanings or not self.told.isChecked())
 
     def set_grain(self, letter: str, name: str, picture: QPixmap | None) -> None:
         """Show which grain a letter stands for."""
@@ -196,30 +205,39 @@ class BlendPage(QWidget):
         """Stop playing without taking what is shown: something else was done."""
         if self._beat.isActive():
             self._beat.stop()
-            self.play.setChecked(False)
+            self._show_playing()
 
     @property
     def is_playing(self) -> bool:
-        """Whether the way is being played."""
+        """Whether the way from A to B is being played."""
         return self._beat.isActive()
 
+    def add(self) -> None:
+        """Show what the equation gives."""
+        self.strength_settled.emit(self.strength.value)
+
     def _told_changed(self) -> None:
-        if self.apply.isEnabled():
-            self.apply.click()
+        if self.can_add:
+            self.add()
 
     def _jump(self, share: float) -> None:
         if self.share.isEnabled():
             self.share.set_value(share)
             self.share_settled.emit(share)
 
-    def _play(self, on: bool) -> None:
-        self._icons.set(self.play, "ph.pause-fill" if on else "ph.play-fill", "accent" if on else "muted")
-        if on:
+    def play_way(self, on: bool) -> None:
+        """Play the way from A to B and back, or stop and take what is shown."""
+        if on and self.can_interpolate:
             self._beat.start()
+            self._show_playing()
         elif self._beat.isActive():
-            self._beat.stop()
-            if self.share.isEnabled():
-                self.share_settled.emit(self.share.value)
+            self.stop()
+            self.share_settled.emit(self.share.value)
+
+    def _show_playing(self) -> None:
+        on = self.is_playing
+        self._icons.set(self.play, "ph.pause-fill" if on else "ph.play-fill", "accent" if on else "muted")
+        self.changed.emit()
 
     def _step(self) -> None:
         share = self.share.value + self._direction / _FRAMES

@@ -168,11 +168,11 @@ def _blend(
         Command(
             id="latent.play",
             title=tr("Play from A to B"),
-            run=blend.play.setChecked,
+            run=blend.play_way,
             menu="Latent",
             tip=tr("Play the interpolation from A to B and back"),
-            enabled=lambda: blend.play.isEnabled(),
-            checked=lambda: blend.play.isChecked(),
+            enabled=lambda: blend.can_interpolate,
+            checked=lambda: blend.is_playing,
         ),
         Command(
             id="latent.animation",
@@ -181,6 +181,14 @@ def _blend(
             menu="Latent",
             icon="ph.film-strip",
             tip=tr("Save the interpolation from A to B as an animation"),
-            enabled=lambda: blend.animation.isEnabled(),
+            enabled=lambda: blend.can_interpolate,
+        ),
+        Command(
+            id="latent.add",
+            title=tr("Show the sum"),
+            run=at_station(blend.add),
+            menu="Latent",
+            tip=tr("Show C + s (A − B), the grain that page Blend adds up"),
+            enabled=lambda: blend.can_add,
         ),
     ]

@@ -94,7 +94,6 @@ class LatentLink(QObject):
         blend.strength_moved.connect(lambda strength: self._add_difference(strength, False))
         blend.strength_settled.connect(lambda strength: self._add_difference(strength, True))
         blend.ghosts_changed.connect(self.show_ghosts)
-        blend.animation_asked.connect(self.ask_animation)
         self._dock.map.walked.connect(self._walk)
         shelf.opened.connect(work.begin_with)
         self._studio.workspace.clones_changed.connect(self._show_clones)

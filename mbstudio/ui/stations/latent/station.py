@@ -72,6 +72,7 @@ class LatentStation(Station):
         self.relay_messages(self.work)
         for signal in (self.work.stepped, self.work.kept_changed, self.work.style_taken):
             signal.connect(self.studio.refresh)
+        self.dock.blend.changed.connect(self.studio.commands.refresh)
         for button, command in (
             (self.panel.undo, "edit.undo"),
             (self.panel.redo, "edit.redo"),
@@ -80,6 +81,9 @@ class LatentStation(Station):
             (self.panel.alike, "latent.alike"),
             (self.panel.another, "latent.another"),
             (self.panel.randomise, "latent.randomise"),
+            (self.dock.blend.play, "latent.play"),
+            (self.dock.blend.animation, "latent.animation"),
+            (self.dock.blend.apply, "latent.add"),
         ):
             self.studio.commands.bind(button, command)
 

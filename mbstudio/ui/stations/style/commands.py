@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.style.clone_work import CloneWork
@@ -26,6 +28,11 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
         panel.open_page("learn")
         panel.learn.learn()
 
+    def learn_on() -> None:
+        studio.enter("style")
+        panel.open_page("learn")
+        panel.learn.learn_on()
+
     return [
         Command(
             id="style.learn",
@@ -35,7 +42,16 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             shortcut="Ctrl+L",
             icon="ph.graduation-cap",
             tip=tr("Learn the shape of the parents selected at station Style"),
-            enabled=lambda: panel.learn.learn_button.isEnabled() and not work.run.is_running,
+            enabled=lambda: panel.learn.is_ready and not work.run.is_running,
+        ),
+        Command(
+            id="style.learn_on",
+            title=tr("Learn on"),
+            run=learn_on,
+            menu="Style",
+            icon="ph.graduation-cap",
+            tip=tr("Teach the style-learner new grains without forgetting the old ones"),
+            enabled=lambda: panel.learn.has_new_parents and not work.run.is_running,
         ),
         Command(
             id="style.pause",
@@ -54,6 +70,15 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             icon="ph.stop-circle",
             tip=tr("Stop the training and keep its best state"),
             enabled=lambda: work.is_training,
+        ),
+        Command(
+            id="style.cancel",
+            title=tr("Cancel learning"),
+            run=work.run.cancel,
+            menu="Style",
+            icon="ph.x-circle",
+            tip=tr("Cancel; the present style-learner stays"),
+            enabled=lambda: work.run.is_running,
         ),
         Command(
             id="style.open",
@@ -98,12 +123,39 @@ def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: St
             separated=True,
         ),
         Command(
+            id="style.cancel_clones",
+            title=tr("Cancel generating"),
+            run=clone_work.run.cancel,
+            menu="Style",
+            icon="ph.x-circle",
+            tip=tr("Cancel; the present clones stay"),
+            enabled=lambda: clone_work.run.is_running,
+        ),
+        Command(
             id="style.report",
             title=tr("Write report on the clones…"),
             run=link.ask_report,
             menu="Style",
             icon="ph.file-text",
             tip=tr("Write a comparison of clones and parents as one HTML file"),
+            enabled=lambda: space.clones is not None,
+        ),
+        Command(
+            id="style.compare",
+            title=tr("Compare clones with grains"),
+            run=partial(studio.enter, "populations"),
+            menu="Style",
+            icon="ph.chart-bar",
+            tip=tr("Compare the clones with grains and avatars at station Populations"),
+            enabled=lambda: space.clones is not None,
+        ),
+        Command(
+            id="style.export",
+            title=tr("Export clones…"),
+            run=link.export_clones,
+            menu="Style",
+            icon="ph.export",
+            tip=tr("Write the clones for a DEM engine at station Export"),
             enabled=lambda: space.clones is not None,
         ),
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QPlainTextEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
 
 from mbstudio.core.errors import GenerationError
@@ -28,14 +27,9 @@ class GeneratePage(QWidget):
 
     Attributes
     ----------
-    report_asked, populations_asked, export_asked : signal
     foot : QWidget
         The buttons, for the panel's foot.
     """
-
-    report_asked = Signal()
-    populations_asked = Signal()
-    export_asked = Signal()
 
     def __init__(self, workspace: Workspace, work: CloneWork) -> None:
         super().__init__()
@@ -111,11 +105,6 @@ class GeneratePage(QWidget):
             layout.addWidget(part)
 
     def _connect(self) -> None:
-        self.generate_button.clicked.connect(self.generate)
-        self.cancel_button.clicked.connect(self._work.run.cancel)
-        self.report_button.clicked.connect(self.report_asked)
-        self.populations_button.clicked.connect(self.populations_asked)
-        self.export_button.clicked.connect(self.export_asked)
         self.where.textChanged.connect(lambda: self._refuse(""))
         self._work.refused.connect(self._refuse)
         self._work.changed.connect(self.refresh)
@@ -143,7 +132,6 @@ class GeneratePage(QWidget):
         running, learner = self._work.run.is_running, self._workspace.style
         clones = self._workspace.clones
         self.generate_button.setVisible(not running)
-        self.generate_button.setEnabled(learner is not None)
         self.cancel_button.setVisible(running)
         self._after.setVisible(not running and clones is not None)
         hint = ""

@@ -32,19 +32,24 @@ class LearnPage(QWidget):
 
     Attributes
     ----------
-    folder_asked, open_asked, save_asked : signal
+    folder_asked : signal
+    readiness_changed : signal
+    is_ready : bool
+        Whether there are parents enough to learn from.
+    has_new_parents : bool
+        Whether there are some that the style-learner does not know yet.
     foot : QWidget
         The buttons, for the panel's foot.
     """
 
     folder_asked = Signal()
-    open_asked = Signal()
-    save_asked = Signal()
+    readiness_changed = Signal()
 
     def __init__(self, workspace: Workspace, work: StyleWork) -> None:
         super().__init__()
         self._workspace, self._work = workspace, work
         self._preset_is_chosen = False
+        self.is_ready = self.has_new_parents = False
         self.source, self.preset, self.unit = QComboBox(), QComboBox(), QComboBox()
         for name in get_args(Source):
             self.source.addItem(tr(_SOURCES[name]), name)
@@ -151,13 +156,6 @@ class LearnPage(QWidget):
         for field in (self.source, self.preset, self.unit):
             field.currentIndexChanged.connect(lambda _: self.refresh())
         self.folder.textChanged.connect(lambda _: self.refresh())
-        self.learn_button.clicked.connect(self.learn)
-        self.on_button.clicked.connect(self.learn_on)
-        self.pause_button.clicked.connect(self._work.run.pause_or_resume)
-        self.stop_button.clicked.connect(self._work.run.stop)
-        self.cancel_button.clicked.connect(self._work.run.cancel)
-        self.open_button.clicked.connect(self.open_asked)
-        self.save_button.clicked.connect(self.save_asked)
         space = self._workspace
         for signal in (
             space.grains_changed, space.fits_changed, space.selection_changed, space.style_changed,
@@ -249,20 +247,20 @@ class LearnPage(QWidget):
         folder = self.source.currentData() == "folder"
         ready = bool(self.folder.text().strip()) if folder else count is not None and count >= FEWEST
         new = 0 if folder else len(self._work.new_labels(self.source.currentData()))
-        learner = self._workspace.style
+        has_new = self._workspace.style is not None and (ready if folder else new > 0)
+        if (ready, has_new) != (self.is_ready, self.has_new_parents):
+            self.is_ready, self.has_new_parents = ready, has_new
+            self.readiness_changed.emit()
         self.learn_button.setVisible(not running)
-        self.learn_button.setEnabled(ready)
         self.learn_button.setText(
             tr("Learn") if count is None or not ready else tr("Learn from {count} parents", count=count)
         )
-        may_go_on = learner is not None and (bool(folder and ready) or new > 0)
-        self.on_button.setVisible(not running and may_go_on)
+        self.on_button.setVisible(not running and has_new)
         self.on_button.setText(
             tr("Learn on") if folder else tr("Learn on from {count} new parents", count=new)
         )
         self._running.setVisible(running)
         self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
-        self.stop_button.setEnabled(self._work.is_training)
         hint = self._state() if running else "" if ready else self._explain_unready(folder, count)
         self._hint.setText(hint)
         self._hint.setVisible(bool(hint))
@@ -280,7 +278,6 @@ class LearnPage(QWidget):
 
     def _show_card(self) -> None:
         learner = self._workspace.style
-        self.save_button.setEnabled(learner is not None)
         if learner is None:
             self._card_name.setText(tr("None yet"))
             self._card.setText(tr("Learn one above, or open a saved one."))

@@ -50,13 +50,7 @@ class StyleLink(QObject):
         self._panel, self._dock = panel, dock
         self._laid_out: tuple[object, int, str] | None = None
         self._assessed: object = None
-        learn, generate = self._panel.learn, self._panel.generate
-        learn.folder_asked.connect(self.ask_meshes)
-        learn.open_asked.connect(self.ask_style)
-        learn.save_asked.connect(self.ask_folder)
-        generate.report_asked.connect(self.ask_report)
-        generate.populations_asked.connect(lambda: studio.enter("populations"))
-        generate.export_asked.connect(self._export)
+        self._panel.learn.folder_asked.connect(self.ask_meshes)
         self._work.began.connect(self._began)
         self._work.recorded.connect(self._dock.training.add_records)
         self._dock.clones.chosen.connect(self._space.select_clone)
@@ -128,7 +122,8 @@ class StyleLink(QObject):
             hit = tray.pick(x, y)
             self._space.select_clone(None if hit is None else hit.label)
 
-    def _export(self) -> None:
+    def export_clones(self) -> None:
+        """Go to station Export with the clones chosen there."""
         self._studio.offers.choose_export("clones")
         self._studio.enter("export")
 

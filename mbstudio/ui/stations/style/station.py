@@ -64,6 +64,23 @@ class StyleStation(Station):
         self.work.arrived.connect(self.arrived)
         self.work.changed.connect(self.studio.refresh)
         self.clone_work.changed.connect(self.studio.refresh)
+        learn, generate = self.panel.learn, self.panel.generate
+        learn.readiness_changed.connect(self.studio.commands.refresh)
+        for button, command in (
+            (learn.learn_button, "style.learn"),
+            (learn.on_button, "style.learn_on"),
+            (learn.pause_button, "style.pause"),
+            (learn.stop_button, "style.stop"),
+            (learn.cancel_button, "style.cancel"),
+            (learn.open_button, "style.open"),
+            (learn.save_button, "style.save"),
+            (generate.generate_button, "style.generate"),
+            (generate.cancel_button, "style.cancel_clones"),
+            (generate.report_button, "style.report"),
+            (generate.populations_button, "style.compare"),
+            (generate.export_button, "style.export"),
+        ):
+            self.studio.commands.bind(button, command)
 
     def enter(self) -> None:
         self.link.lay_out()

@@ -247,9 +247,12 @@ def test_ghosts_show_around_the_grain_and_play_runs_from_a_to_b(shaping, rest, q
     window.stations.latent.work.grain_changed.connect(
         lambda: shown.append(window.stations.latent.work.grain.latent)
     )
-    blend.play.setChecked(True)
+    assert not blend.play.isChecked()
+    blend.play.click()
+    assert blend.play.isChecked()
     qtbot.waitUntil(lambda: len(shown) > 4, timeout=PATIENCE)
-    blend.play.setChecked(False)
+    blend.play.click()
+    assert not blend.play.isChecked()
     rest()
     assert not blend.is_playing
     assert np.abs(shown[0] - shown[3]).max() > 1e-6
