@@ -26,7 +26,7 @@ from parents import Parents, load_parents, make_parents
 from mbstudio.core.populations import PAPER_FACTORS, Population
 from mbstudio.core.vae.generate.generation import Generation
 from mbstudio.core.vae.generate.generator import generate
-from mbstudio.core.vae.generate.quality import PAPER_ERRORS, Quality, ahead_of_paper, assess
+from mbstudio.core.vae.generate.quality import PAPER_ERRORS, FactorQuality, Quality, assess
 from mbstudio.core.vae.models.learning_on import learn_on
 from mbstudio.core.vae.models.radii import surface_rms
 from mbstudio.core.vae.models.style_learner import StyleLearner
@@ -162,6 +162,23 @@ SUMMARY = (
     + "|---" * 14
     + "|"
 )
+
+
+def ahead_of_paper(factors: Sequence[FactorQuality], kind: str) -> dict[str, tuple[bool, bool]]:
+    """Return whether each factor's errors of mean and deviation are below the paper's, or at the floor.
+
+    Parameters
+    ----------
+    factors : sequence of FactorQuality
+    kind : {'Ottawa sand', 'cobblestone'}
+    """
+    return {
+        row.factor: (
+            row.mean_error <= max(PAPER_ERRORS[kind][row.factor][0], row.floor.mean_error[0]),
+            row.deviation_error <= max(PAPER_ERRORS[kind][row.factor][1], row.floor.deviation_error[0]),
+        )
+        for row in factors
+    }
 
 
 def factor_rows(name: str, preset: str, runs: Sequence[Run]) -> list[str]:

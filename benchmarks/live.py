@@ -25,7 +25,7 @@ from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import learn
 from mbstudio.core.vae.shaping.latent import interpolate
 from mbstudio.core.vae.shaping.latent_recipe import Operation, carry_out
-from mbstudio.core.vae.shaping.live_grain import live_grain, quick_surface
+from mbstudio.core.vae.shaping.live_grain import live_grain, surface_on_grid
 from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import meaning_factors
 
@@ -54,13 +54,13 @@ def tabulate(learner: StyleLearner, count: int) -> None:
 
     def drawn(z: np.ndarray, cells: int) -> None:
         rows = control(z)
-        quick_surface(rows, cells)
+        surface_on_grid(*sample_solid(rows, cells), rows)
         volume_and_area(rows, cells)
 
     for title, work in (
         ("decode", control),
         ("field, 48 cells", lambda z: sample_solid(control(z), 48)),
-        ("surface, 48 cells", lambda z: quick_surface(control(z), 48)),
+        ("surface, 48 cells", lambda z: surface_on_grid(*sample_solid(control(z), 48), control(z))),
         ("decode, surface, V and A, 48 cells", lambda z: drawn(z, 48)),
         ("decode, surface, V and A, 80 cells", lambda z: drawn(z, 80)),
         ("five factors", lambda z: meaning_factors(learner.decode(z[None]))),

@@ -86,7 +86,7 @@ class ByHand:
             vector = table.filter(regex=r"^z\d+$").loc[name].to_numpy(dtype=float)
         except (OSError, KeyError, ValueError) as error:
             raise StyleError(
-                f"{path} has no latent vector of '{name}' ({error}): give a name from its column 'name'."
+                f"{path} has no latent vector named '{name}' ({error}): give a name from its column 'name'."
             ) from error
         return self._require_dimension(path, vector)
 
@@ -103,7 +103,7 @@ class ByHand:
         found = next((recipe for recipe in recipes if recipe.name == name), None)
         if found is None:
             known = ", ".join(recipe.name for recipe in recipes) or "none"
-            raise StyleError(f"{path} holds no recipe '{name}': it holds {known}.")
+            raise StyleError(f"{path} contains no recipe '{name}': it contains {known}.")
         vector = self._require_dimension(path, found.vector)
         if found.style and found.style != style_digest(self.learner):
             raise StyleError(f"{name} in {path} was made with another style-learner: use that style-learner.")
@@ -112,7 +112,7 @@ class ByHand:
     def _require_dimension(self, path: Path, vector: np.ndarray) -> np.ndarray:
         if vector.shape != (self.learner.dimension,):
             raise StyleError(
-                f"{path} holds latent vectors of {vector.size} numbers, but this style-learner has "
+                f"{path} contains latent vectors of {vector.size} numbers, but this style-learner has "
                 f"{self.learner.dimension}: use the style-learner that they were made with."
             )
         return vector

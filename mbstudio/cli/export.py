@@ -100,7 +100,7 @@ TellTargetsOption = Annotated[
     ),
 ]
 OverwriteOption = Annotated[
-    bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
+    bool, typer.Option("--overwrite", help="Write into a folder that contains other files.")
 ]
 
 
@@ -136,7 +136,7 @@ def export(
         options["error"] = error
     if clump_target is not None:
         if spheres is not None:
-            raise ExportError("--spheres and --clump-target exclude each other: give only one of them.")
+            raise ExportError("Give either --spheres or --clump-target, not both.")
         options["clump_target"] = clump_target
     project = Project.open(source)
     names: list[str] | None = None

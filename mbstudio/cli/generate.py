@@ -52,7 +52,7 @@ def generate(
     ] = None,
     workers: inputs.WorkersOption = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
+        bool, typer.Option("--overwrite", help="Write into a folder that contains other files.")
     ] = False,
     as_json: inputs.JsonOption = False,
 ) -> None:

@@ -49,7 +49,7 @@ BinOption = Annotated[
     typer.Option("--bin", metavar="N", help="Average blocks of N voxels; 1,2,2 (z, y, x) if they differ."),
 ]
 SplittingOption = Annotated[
-    float | None, typer.Option("--splitting", help="How readily touching grains are split, 0 to 1.")
+    float | None, typer.Option("--splitting", help="How strongly touching grains are split, 0 to 1.")
 ]
 SmallestOption = Annotated[
     int | None, typer.Option("--smallest", metavar="VOXELS", help="Volume of the smallest grain that counts.")
@@ -64,7 +64,9 @@ ThresholdOption = Annotated[
 ]
 DarkOption = Annotated[
     bool | None,
-    typer.Option("--dark/--bright", help="Grains are darker, or brighter, than the void; found by default."),
+    typer.Option(
+        "--dark/--bright", help="Grains are darker, or brighter, than the void; detected by default."
+    ),
 ]
 LabelsOption = Annotated[
     Path | None, typer.Option("--labels", metavar="FILE", help="Use this label image instead of segmenting.")
@@ -107,7 +109,7 @@ def meshes_among(sources: Sequence[Path]) -> list[Path] | None:
             if not source.exists():
                 raise MbstudioError(f"{source} does not exist: check the name and the folder.")
             raise MbstudioError(
-                f"{source} is no mesh, nor a folder of them: give several inputs only of meshes "
+                f"{source} is not a mesh or a folder of meshes: give several inputs only if all are meshes  "
                 f"({', '.join(mesh_endings())}), and scans or projects one at a time."
             )
     return find_meshes(sources)
@@ -204,7 +206,7 @@ def numbers_in(text: str | None, option: str) -> list[int] | None:
             f"{option} '{text}' cannot be read: write whole numbers as 3,5,9 or 1-20."
         ) from error
     if not labels:
-        raise MbstudioError(f"{option} '{text}' holds no number: write whole numbers as 3,5,9 or 1-20.")
+        raise MbstudioError(f"{option} '{text}' contains no number: write whole numbers as 3,5,9 or 1-20.")
     return labels
 
 

@@ -71,12 +71,14 @@ SigmaOption = Annotated[
 CountOption = Annotated[int, typer.Option("--count", min=1, help="Number of grains of --noise.")]
 StrengthOption = Annotated[float, typer.Option("--strength", help="Factor of the difference in --add.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")]
-BeyondOption = Annotated[bool, typer.Option("--beyond", help="Allow grains farther out than any parent.")]
+BeyondOption = Annotated[
+    bool, typer.Option("--beyond", help="Allow grains farther from the mean than any parent.")
+]
 UnitOption = Annotated[
     str | None, typer.Option("--unit", help="Length unit of the files, and of given meshes.")
 ]
 OverwriteOption = Annotated[
-    bool, typer.Option("--overwrite", help="Write into a folder that holds other files.")
+    bool, typer.Option("--overwrite", help="Write into a folder that contains other files.")
 ]
 
 
@@ -157,8 +159,8 @@ def _finish(
     if any(outside) and not beyond:
         latents = np.stack([clamp(learner, latent) for latent in latents])
         console.tell(
-            f"mbstudio: {', '.join(np.array(names)[outside])} would be farther out than any parent: held "
-            "at the limit of their range (--beyond lifts it)."
+            f"mbstudio: {', '.join(np.array(names)[outside])} would be farther from the mean than any "
+            "parent: held at the limit of their range (--beyond allows it)."
         )
     grains = learner.decode(latents, names=names)
     sound = np.array([topology(avatar.control).is_sound for avatar in grains.avatars()])

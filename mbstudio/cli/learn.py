@@ -61,7 +61,7 @@ def learn(
         typer.Option(
             "--on",
             metavar="STYLE",
-            help="Teach the grains to this style-learner, in addition to its parents.",
+            help="Continue training this style-learner with the grains, in addition to its parents.",
         ),
     ] = None,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Number of training steps.")] = None,
@@ -123,7 +123,9 @@ def _require_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise StyleError(f"{folder} is a file: give the name of a folder for the style-learner.")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD_FILE).exists():
-        raise StyleError(f"{folder} holds other files and no style-learner: choose an empty or a new folder.")
+        raise StyleError(
+            f"{folder} contains other files but no style-learner: choose an empty or a new folder."
+        )
 
 
 def _parents(
@@ -148,7 +150,7 @@ def _parents(
             raise MbstudioError(f"{source} does not exist: check the name and the folder.")
         if source.is_dir():
             raise MbstudioError(
-                f"{source} holds no meshes ({', '.join(inputs.mesh_endings())}): "
+                f"{source} contains no meshes ({', '.join(inputs.mesh_endings())}): "
                 "give a project or another folder."
             )
         project, labels = chosen_grains(source, grains, limit)

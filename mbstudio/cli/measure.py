@@ -82,7 +82,7 @@ def measure(
     cavities: inputs.MeshCavitiesOption = "fill",
     intervals: Annotated[
         bool,
-        typer.Option("--intervals", help="Add an interval for each factor of a scanned grain; takes long."),
+        typer.Option("--intervals", help="Add an interval for each factor of a scanned grain (slow)."),
     ] = False,
     workers: inputs.WorkersOption = None,
     csv_file: Annotated[
@@ -167,7 +167,7 @@ def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[
         raise MeasureError(f"{source} has no grains yet: find them with 'mbstudio segment' first.")
     labels = inputs.numbers_in(grains, "--grains") or sorted(project.fits) or project.grains.interior_labels
     if not labels:
-        raise MeasureError(f"{source} has no grain that the border does not cut: name some with --grains.")
+        raise MeasureError(f"All grains of {source} are cut by the border: select some with --grains.")
     return project, list(dict.fromkeys(labels))[:limit]
 
 

@@ -118,7 +118,7 @@ def _check_outputs(
         if not source.exists():
             raise MbstudioError(f"{source} does not exist: check the name and the folder.")
     if not error > 0:
-        raise FitError(f"--error {error:g} % cannot be met: give a number above 0.")
+        raise FitError(f"--error must be above 0, not {error:g} %.")
     if figure is not None:
         from mbstudio.scene.figures.sweep_figure import require_ending
 
@@ -156,7 +156,7 @@ def _labels(grains: GrainSet, wanted: list[int] | None) -> list[int]:
         if label not in known:
             raise FitError(f"There is no grain {label}: the labels are {min(known)} to {max(known)}.")
     if not labels:
-        raise FitError("There is no grain to sweep: the border cuts all of them. Name some with --grains.")
+        raise FitError("There is no grain to sweep: all are cut by the border. Select some with --grains.")
     return labels
 
 

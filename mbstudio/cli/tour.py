@@ -53,7 +53,9 @@ def prepare_folder(folder: Path) -> None:
     if folder.is_dir():
         others = sorted(entry.name for entry in folder.iterdir() if entry.name not in OURS)
         if others:
-            raise MbstudioError(f"{folder} holds other files ({others[0]}): choose a new folder with --out.")
+            raise MbstudioError(
+                f"{folder} contains other files ({others[0]}): choose a new folder with --out."
+            )
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
 
 

@@ -123,17 +123,15 @@ class Grammar:
                 most = self._read_number(word, value, percent)
                 continue
             if name in aims:
-                raise self.error(f"The target '{text}' names {name} twice: give it once.")
+                raise self.error(f"The goal '{text}' names {name} twice: give it once.")
             aims[name] = Aim(name, self._read_limit(word, name, value / 100 if percent else value))
         if not aims:
-            raise self.error(
-                f"The target '{text}' names nothing to reach: write for example '{self.example}'."
-            )
+            raise self.error(f"The goal '{text}' contains no measure: write for example '{self.example}'.")
         return tuple(aims.values()), most
 
     def _read_word(self, word: str) -> tuple[str, float, bool]:
         match, known = _AIM.fullmatch(word), ", ".join(self.measures())
-        refusal = f"'{word}' is no target for {self.owner}"
+        refusal = f"'{word}' is not a goal for {self.owner}"
         if match is None:
             raise self.error(
                 f"{refusal}: write a measure and its limit, as in '{self.example}'. Known: {known}."
@@ -150,12 +148,12 @@ class Grammar:
             cure = f"an {OVERLAP} lies between 0 and 1, as in '{OVERLAP} 0.97'"
         else:
             cure = f"an error lies between 0 and 100 %: write it as '{name} 1 %'"
-        raise self.error(f"The target '{word}' is impossible: {cure}.")
+        raise self.error(f"The goal '{word}' is impossible: {cure}.")
 
     def _read_number(self, word: str, value: float, percent: bool) -> int:
         if percent or value != int(value) or value < self.fewest:
             raise self.error(
-                f"'{word}' is no number of {self.parts}: write a whole number, {self.fewest} or more, "
+                f"'{word}' is not a number of {self.parts}: write a whole number, {self.fewest} or more, "
                 f"as in '{NUMBER} 120'."
             )
         return int(value)

@@ -135,7 +135,7 @@ class OptionList:
         except TypeError:
             admitted = False
         if not admitted:
-            raise self.error(f"{name} = {value!r} does not suit {self.owner}: give {option.allowed}.")
+            raise self.error(f"{name} = {value!r} is not possible for {self.owner}: give {option.allowed}.")
 
     def complete(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return a value for every option: those given, as values or as text, the others' defaults.
@@ -181,12 +181,12 @@ class OptionList:
         option = self.options[name]
         if option.choices and word not in option.choices:
             choices = ", ".join(f"{name}={choice}" for choice in option.choices)
-            raise self.error(f"'{name}={word}' is no choice: write {choices}.")
+            raise self.error(f"'{name}={word}' is not a valid choice: write {choices}.")
         value = option.convert(word)
         if value is not None:
             return value
         if option.kind is bool:
-            raise self.error(f"'{name}={word}' is neither on nor off: write {name}=yes or {name}=no.")
+            raise self.error(f"'{name}={word}' is not valid: write {name}=yes or {name}=no.")
         wanted = _KINDS[option.kind]
         if _is_infinite(word):
             raise self.error(f"'{name}={word}' is not finite: give {wanted}.")

@@ -52,7 +52,7 @@ def parse_unit(text: str) -> str:
         name = "mm"
     if name not in METRES_PER_UNIT:
         known = ", ".join(METRES_PER_UNIT)
-        raise UnitError(f"'{text}' is not a length unit that mbstudio knows: use one of {known}.")
+        raise UnitError(f"'{text}' is not a known length unit: use one of {known}.")
     return name
 
 

@@ -244,7 +244,7 @@ def test_exports_that_make_no_sense(mbstudio, fitted_project, tmp_path):
         (["--specimen", 10, "--curve", "1,2"], "cannot be read"),
         (["--specimen", 10, "--curve", "1:0,2:100 furlong"], "furlong"),
         (["--specimen", 10, "--curve", "1:0,2:90"], "0 to 90"),
-        (["--specimen", 0, "--curve", "1:0,2:100"], "specimen of 0"),
+        (["--specimen", 0, "--curve", "1:0,2:100"], "specimen needs at least 1 particle, not 0"),
         (["--specimen", 10, "--curve", "1:0,2:100", "--share", "nobody=1"], "nobody"),
         (["--specimen", 10, "--curve", "1:0,2:100", "--share", "nobody=much"], "much"),
         (["--specimen", 10, "--curve", "1:0,2:100", "--box-width", 0.5], "no room"),

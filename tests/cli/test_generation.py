@@ -59,7 +59,7 @@ def test_bad_calls_say_one_line_and_write_nothing(mbstudio, style, tmp_path):
     clones = tmp_path / "clones"
     for arguments, words in (
         (("--where", "csf=0.1..0.2"), "cannot give"),
-        (("--where", "shape=3"), "no factor"),
+        (("--where", "shape=3"), "not a factor"),
         (("--count", "0"), "1 or more"),
     ):
         ran = mbstudio("generate", style, "--count", 4, "-o", clones, "--workers", 1, *arguments)

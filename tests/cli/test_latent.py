@@ -90,7 +90,7 @@ def test_what_it_knows(mbstudio, style):
         (("--noise", "1", "--move", "2"), "one of"),
         (("--move", "1"), "--by"),
         (("--move", "1", "--by", "csf"), "not a meaning with a number"),
-        (("--move", "1", "--by", "colour=1"), "no meaning of the latent space"),
+        (("--move", "1", "--by", "colour=1"), "not a meaning of the latent space"),
         (("--design", "sphericity=2"), "No body can have"),
         (("--design", "csf=0.6", "--design", "sphericity=0.99"), "most spherical body of csf 0.6 has 0.953"),
         (("--design", "size=1000"), "cannot give"),
@@ -149,7 +149,7 @@ def test_what_lies_far_outside_is_held_unless_it_may(mbstudio, style, tmp_path):
     take = ("--take", f"{tmp_path / 'latents.csv'}:far", "--json", "-o")
     ran = mbstudio("latent", style, *take, tmp_path / "held")
     assert ran.code == 0, ran.err
-    assert "farther out than any parent" in ran.err
+    assert "farther from the mean than any" in ran.err
     assert json.loads(ran.out)["held_at_their_range"] == 1
     held = pd.read_csv(tmp_path / "held" / "latents.csv").filter(regex=r"^z\d+$").to_numpy()[0]
     np.testing.assert_allclose(held, clamp(learner, far))
@@ -174,11 +174,11 @@ def test_latents_of_another_size_are_refused(mbstudio, style, tmp_path):
     assert "latent vectors of 2 numbers" in ran.err
     ran = mbstudio("latent", style, "--take", f"{path}:b", "-o", tmp_path / "out")
     assert ran.code == 1
-    assert "no latent vector of 'b'" in ran.err
+    assert "no latent vector named 'b'" in ran.err
     recipe = Recipe("kept 1", tuple(load_style_learner(style).latents[5].tolist()), (), "0" * 16)
     kept = tmp_path / "recipes.json"
     kept.write_text(json.dumps([recipe.as_record()]), encoding="utf-8")
-    for name, words in (("kept 1", "another style-learner"), ("kept 2", "it holds kept 1")):
+    for name, words in (("kept 1", "another style-learner"), ("kept 2", "it contains kept 1")):
         ran = mbstudio("latent", style, "--take", f"{kept}:{name}", "-o", tmp_path / "out")
         assert ran.code == 1
         assert words in ran.err

@@ -80,7 +80,7 @@ def test_every_command_refuses_a_mesh_with_the_same_words(mbstudio, stones, brok
 def test_several_inputs_are_meshes(mbstudio, stones, small_scan_file):
     ran = mbstudio("fit", stones, small_scan_file, "-o", "a.mbs")
     assert ran.code == 1
-    assert "several inputs only of meshes" in ran.err
+    assert "several inputs only if all are meshes" in ran.err
     ran = mbstudio("measure", stones, "missing.ply")
     assert "missing.ply does not exist" in ran.err
     ran = mbstudio("measure", "none*.ply")

@@ -64,7 +64,7 @@ def test_the_dem_files_are_sound(toured, target):
 
 def test_the_tour_can_be_repeated_in_its_folder(toured):
     (toured / "pictures" / "scan.png").rename(toured / "kept.png")
-    with pytest.raises(MbstudioError, match=r"holds other files \(kept\.png\)"):
+    with pytest.raises(MbstudioError, match=r"contains other files \(kept\.png\)"):
         prepare_folder(toured)
     (toured / "kept.png").rename(toured / "pictures" / "scan.png")
     prepare_folder(toured)

@@ -35,13 +35,16 @@ def test_both_kinds_read_the_same_sentences(kind: type[Goal], text: str, written
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("beauty 1 %", "'beauty 1 %' is no target for .*it names 'beauty', which is not known: use .*, or n"),
+        (
+            "beauty 1 %",
+            "'beauty 1 %' is not a goal for .*it names 'beauty', which is not known: use .*, or n",
+        ),
         ("volume", "write a measure and its limit, as in '.*'. Known: .*hausdorff"),
         ("volume 3", "'volume 3' is impossible: an error lies between 0 and 100 %: write it as 'volume 1 %'"),
         ("iou 0", "'iou 0' is impossible: an iou lies between 0 and 1"),
         ("iou .9, iou .8", "names iou twice"),
-        ("n 9", "names nothing to reach"),
-        ("iou .9 and n 0", "'n 0' is no number of (control points|spheres): write a whole number"),
+        ("n 9", "contains no measure"),
+        ("iou .9 and n 0", "'n 0' is not a number of (control points|spheres): write a whole number"),
     ],
 )
 def test_both_kinds_refuse_alike(

@@ -85,7 +85,7 @@ def test_a_record_lists_its_options_and_what_was_changed() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"shakes": 0}, "shakes = 0 does not suit method 'sieving': give a whole number from 1 to 9"),
+        ({"shakes": 0}, "shakes = 0 is not possible for method 'sieving': give a whole number from 1 to 9"),
         ({"shakes": 10}, "shakes = 10"),
         ({"share": 1.0}, "share = 1.0.*from 0 to below 1"),
         ({"share": float("nan")}, "share = nan"),
@@ -112,8 +112,8 @@ def test_a_copy_of_a_record_is_checked_too() -> None:
         ("shakes=often", "'shakes=often' cannot be read: give a whole number, for example shakes=3"),
         ("share=-inf", "'share=-inf' is not finite: give a number"),
         ("share=1e999", "not finite"),
-        ("wet=perhaps", "neither on nor off: write wet=yes or wet=no"),
-        ("mesh=wide", "is no choice: write mesh=fine, mesh=coarse"),
+        ("wet=perhaps", "is not valid: write wet=yes or wet=no"),
+        ("mesh=wide", "is not a valid choice: write mesh=fine, mesh=coarse"),
         ("shakes=12", "shakes = 12"),
     ],
 )

@@ -249,7 +249,7 @@ def test_a_missing_scan_is_asked_for_and_work_goes_on_without(
     window.project_files.open_path(project)
     idle()
     (warning,) = [text for level, text in messages if level == "warning"]
-    assert "scan.tif is not there" in warning
+    assert "scan.tif does not exist" in warning
     assert "command line" not in warning
     assert window.workspace.scan is None
     assert len(window.workspace.state.grains) == 3, "grains are there without the scan"

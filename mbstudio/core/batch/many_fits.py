@@ -102,7 +102,7 @@ def fit_many(
         workers = usable_cores()
     if workers < 0:
         raise FitError(
-            f"{workers} processes cannot fit anything: give 1 or more, or 0 for the calling thread."
+            f"The number of processes must be 1 or more, or 0 for the calling thread, not {workers}."
         )
     how = _HowToFit(n, method, settings, aims)
     return _fit_each(WorkerPool(_GrainFits(source, how, seed), workers), chosen)
@@ -130,7 +130,7 @@ def _check(n: int, method: Method, options: dict[str, Any]) -> None:
             Grain(np.ones((side, side, side), dtype=bool), VoxelSize(1, 1, 1, "m")), n, method, 0, **options
         )
     else:
-        raise FitError(f"n = {n} control points make no avatar: give a whole number, 1 or more.")
+        raise FitError(f"n = {n} is not possible: n must be a whole number, 1 or more.")
 
 
 def _fit_each(pool: WorkerPool[int, BatchItem], labels: list[int]) -> Iterator[BatchItem]:

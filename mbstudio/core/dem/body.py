@@ -75,8 +75,8 @@ def _prepare(avatar: Avatar, name: str, unit: str, density: float | None) -> Dem
         raise ExportError(f"'{name}' cannot be exported: {error}") from error
     if voids:
         raise ExportError(
-            f"'{name}' cannot be exported: it has {voids} void(s) inside, which an engine would fill or trip "
-            "over. Fit it again with more control points."
+            f"'{name}' cannot be exported: it encloses {voids} void(s), which an engine would fill or "
+            "reject. Fit it again with more control points."
         )
     local = replace(
         avatar,

@@ -55,7 +55,9 @@ def find_engine(name: str) -> list[str] | None:
                     return [found]
         return None
     if name not in MODULES:
-        raise ExportError(f"'{name}' is not an engine that is looked for: {', '.join(engine_names())}.")
+        raise ExportError(
+            f"'{name}' is not an engine that mbstudio looks for: use one of {', '.join(engine_names())}."
+        )
     python = engines_python()
     return [python] if has_module(python, MODULES[name]) else None
 

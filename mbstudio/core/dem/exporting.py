@@ -89,7 +89,7 @@ def export(
     names : sequence of str, optional
         A file name for each avatar.
     overwrite : bool
-        Write into a folder that holds other files and no earlier export.
+        Write into a folder that contains other files and no earlier export.
     progress : callable(fraction, message), optional
         Raising in it cancels.
     attachments : mapping of str to str, optional
@@ -220,7 +220,7 @@ def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
             check_specimen(folder, manifest)
     except (KeyError, TypeError) as error:
         raise ExportError(
-            f"{folder / FILE_NAME} lacks {error} or holds something else there: export again."
+            f"{folder / FILE_NAME} has a missing or invalid entry {error}: export again."
         ) from error
     if digests:
         check_digests(folder, manifest)

@@ -49,7 +49,7 @@ def check_replaceable(folder: Path, ours: Callable[[Path], list[str] | None], ov
         raise ExportError(f"{folder} cannot be read ({error.strerror}): choose another folder.") from error
     if earlier is None and entries and not overwrite:
         raise ExportError(
-            f"{folder} holds other files ({entries[0].name}, ...) and no earlier export: "
+            f"{folder} contains other files ({entries[0].name}, ...) and no earlier export: "
             "choose an empty folder, or allow it to be overwritten."
         )
     return earlier or []
@@ -132,8 +132,8 @@ def _refuse_collisions(temporary: Path, folder: Path, replaced: set[str], overwr
     in_the_way = [name for name in new if (folder / name).exists()]
     if in_the_way:
         raise ExportError(
-            f"{folder / in_the_way[0]} is not from an earlier export and would be lost: "
-            "move it away, choose another name, or allow it to be overwritten."
+            f"{folder / in_the_way[0]} is not from an earlier export and would be overwritten: "
+            "move it, choose another name, or allow it to be overwritten."
         )
 
 

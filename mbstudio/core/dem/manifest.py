@@ -91,7 +91,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise ExportError(f"{path} is missing: {folder} is no export of mbstudio.") from error
+        raise ExportError(f"{path} is missing: {folder} is not an export of mbstudio.") from error
     except (OSError, ValueError) as error:
         raise ExportError(f"{path} cannot be read ({error}): export again.") from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
@@ -103,7 +103,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         _check_numbers(path, manifest)
     except (KeyError, TypeError, ValueError) as error:
-        raise ExportError(f"{path} lacks {error} or holds something else there: export again.") from error
+        raise ExportError(f"{path} has a missing or invalid entry {error}: export again.") from error
     return manifest
 
 

@@ -125,9 +125,7 @@ def find_target(name: str) -> Target:
     """Return a target; ExportError if there is none of that name."""
     known = targets()
     if name not in known:
-        raise ExportError(
-            f"'{name}' is not a DEM target that mbstudio writes: use one of {', '.join(known)}."
-        )
+        raise ExportError(f"'{name}' is not a DEM target: use one of {', '.join(known)}.")
     return known[name]
 
 

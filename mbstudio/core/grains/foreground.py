@@ -76,7 +76,7 @@ def find_foreground(
         If nothing stands out from the noise.
     """
     if ranges or threshold is not None:
-        return _stated(scan, voxels, view, threshold, ranges, bool(dark), denoise_sigma)
+        return _select_ranges(scan, voxels, view, threshold, ranges, bool(dark), denoise_sigma)
     interfaces = find_interfaces(_clipped(voxels, -math.inf, math.inf), view.mask)
     phases = find_phases(interfaces, dark)
     if phases is None:
@@ -150,8 +150,8 @@ def _warn_about(phases: Phases, *, judged_dark: bool) -> None:
     sign = -1.0 if phases.dark else 1.0
     if judged_dark:
         warnings.warn(
-            "The grains are darker than what lies between them, judged by their convex side: "
-            "state that they are bright if that is wrong.",
+            "The grains appear darker than what lies between them, judged by the convex side of their "
+            "surfaces: state that they are bright if that is wrong.",
             SegmentationWarning,
             stacklevel=4,
         )

@@ -236,7 +236,7 @@ def grain_from_mask(
     if len(counts) > 1:
         if keep == "error":
             raise GrainError(
-                f"The mask of '{name}' holds {len(counts)} separate pieces "
+                f"The mask of '{name}' has {len(counts)} separate pieces "
                 f"({', '.join(str(count) for count in sorted(counts, reverse=True)[:4])} voxels, ...): "
                 "a grain is one piece; pass keep='largest' to take the largest."
             )
@@ -275,14 +275,14 @@ def _as_booleans(mask: np.ndarray, name: str) -> Bool[np.ndarray, "Z Y X"]:
             f"The mask of '{name}' has shape {mask.shape}: it needs three axes (z, y, x), none empty."
         )
     if mask.dtype.kind not in "buif":
-        raise GrainError(f"The mask of '{name}' holds {mask.dtype}: give booleans.")
+        raise GrainError(f"The mask of '{name}' has type {mask.dtype}: give booleans.")
     if mask.dtype != bool:
         if mask.dtype.kind == "f" and not np.isfinite(mask).all():
-            raise GrainError(f"The mask of '{name}' holds values that are not finite: give booleans.")
+            raise GrainError(f"The mask of '{name}' contains values that are not finite: give booleans.")
         high = mask.max()
         if not ((mask == 0) | (mask == high)).all():
             raise GrainError(
-                f"The mask of '{name}' holds more than 0 and one other value: give booleans, "
+                f"The mask of '{name}' contains more than 0 and one other value: give booleans, "
                 "for example labels == 7 or grey > threshold."
             )
         mask = mask != 0

@@ -22,12 +22,12 @@ def read_ranges(text: str) -> tuple[float, ...]:
             ends += [low, high]
     except ValueError as error:
         raise SegmentationError(
-            f"'{text}' holds no ranges of grey values: write them as 90:140,200:255."
+            f"'{text}' contains no ranges of grey values: write them as 90:140,200:255."
         ) from error
     if not all(math.isfinite(end) for end in ends) or not all(
         low < high for low, high in zip(ends[::2], ends[1::2], strict=True)
     ):
-        raise SegmentationError(f"'{text}' holds a range that is empty: write the lower grey value first.")
+        raise SegmentationError(f"'{text}' contains an empty range: write the lower grey value first.")
     return tuple(ends)
 
 

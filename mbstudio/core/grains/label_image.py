@@ -184,10 +184,8 @@ def _black_is_zero(labels: Int[np.ndarray, "Z Y X"], name: str) -> Int[np.ndarra
     as_it_is, turned = bool((labels == 0).any()), bool((other == 0).any())
     if as_it_is and turned:
         raise SegmentationError(
-            f"{name} shows 0 as white and holds both 0 and {np.iinfo(kind).max}, so that it cannot be "
-            "told which "
-            "of them is outside all grains: in ImageJ, use Edit > Invert or Image > Lookup Tables > "
-            "Grays and save it."
+            f"{name} shows 0 as white and contains both 0 and {np.iinfo(kind).max}, so that either could be "
+            "outside all grains: in ImageJ, use Edit > Invert or Image > Lookup Tables > Grays and save it."
         )
     return np.asarray(other if turned else labels)
 
@@ -201,10 +199,10 @@ def _grains_of_mask(
     pieces, count = cc3d.connected_components(mask, connectivity=26, return_N=True, out_dtype=np.uint32)
     parted = int(part_mask(mask, size, _USUAL_SPLITTING).max(initial=0))
     if parted > count:
-        found = "one piece that hangs together" if count == 1 else f"{count:,} pieces that hang together"
+        found = "one connected piece" if count == 1 else f"{count:,} connected pieces"
         _warn(
-            f"{name} holds one number only, so it is a mask: it was taken for the grains of its {found}, but "
-            f"some seem to touch. To part them, into about {parted:,}, state how readily: "
+            f"{name} contains only one number, so it is a mask: its {found} were taken as the grains, but "
+            f"some seem to touch. To separate them, into about {parted:,}, state a splitting: "
             f"splitting={_USUAL_SPLITTING}, or --splitting {_USUAL_SPLITTING}."
         )
     return np.asarray(pieces, dtype=np.int32)

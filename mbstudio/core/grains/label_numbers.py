@@ -38,24 +38,24 @@ def whole_numbers(image: Shaped[np.ndarray, "..."], name: str) -> Int[np.ndarray
     if image.dtype.kind == "f":
         unlabelled = np.isnan(image)
         if unlabelled.all():
-            raise SegmentationError(f"{name} holds no whole numbers, only NaN: give a label image.")
+            raise SegmentationError(f"{name} contains only NaN: give a label image.")
         if unlabelled.any():
             image = np.where(unlabelled, 0, image)
         if not np.isfinite(image).all() or not (image == np.rint(image)).all():
-            raise SegmentationError(f"{name} holds values that are not whole numbers: give a label image.")
+            raise SegmentationError(f"{name} contains values that are not whole numbers: give a label image.")
         if np.abs(image).max() >= 2.0 ** (24 if image.dtype.itemsize == 4 else 53):
             raise SegmentationError(
-                f"{name} holds numbers too large for its type {image.dtype}, in which neighbouring numbers "
-                "become one: export the labels as 32-bit whole numbers."
+                f"{name} contains numbers too large for its type {image.dtype}, in which neighbouring "
+                "numbers become one: export the labels as 32-bit whole numbers."
             )
         image = image.astype(np.int64)
     elif image.dtype.kind == "b":
         image = image.astype(np.uint8)
     elif image.dtype.kind not in "ui":
-        raise SegmentationError(f"{name} holds {image.dtype}: labels are whole numbers.")
+        raise SegmentationError(f"{name} has type {image.dtype}: labels are whole numbers.")
     if image.dtype.kind == "i" and image.min() < 0:
         raise SegmentationError(
-            f"{name} holds negative numbers: labels start at 1, with 0 outside all grains."
+            f"{name} contains negative numbers: labels start at 1, and 0 is outside all grains."
         )
     return image
 
@@ -69,7 +69,7 @@ def consecutive(labels: Int[np.ndarray, "Z Y X"], name: str) -> tuple[Int[np.nda
             f"{name} contains no grain: every voxel is 0. Check that the right file was exported."
         )
     if len(values) >= 2**31:
-        raise SegmentationError(f"{name} holds {len(values):,} numbers: give a label image.")
+        raise SegmentationError(f"{name} contains {len(values):,} different numbers: give a label image.")
     numbered = np.searchsorted(values, labels).astype(np.int32) + 1
     numbered[labels == 0] = 0
     return numbered, len(values)
@@ -100,12 +100,12 @@ def require_surroundings(numbered: Int[np.ndarray, "Z Y X"], name: str) -> None:
     if reached < 5 or counts[largest - 1] <= _SURROUNDINGS * numbered.size:
         return
     what = (
-        "classes of material, such as ilastik's Simple Segmentation, and no single grains"
+        "classes of material, such as ilastik's Simple Segmentation, not single grains"
         if len(counts) <= _FEW_CLASSES
-        else "grains whose surroundings carry a number, too"
+        else "grains whose surroundings have a number, too"
     )
     raise SegmentationError(
-        f"{name} holds no 0 around its grains: one of its {len(counts)} numbers fills "
+        f"{name} contains no 0 around its grains: one of its {len(counts)} numbers fills "
         f"{counts[largest - 1] / numbered.size:.0%} of it and surrounds the others, so these are {what}. "
         f"Set the surroundings to 0, or {_HOW_TO_PART}."
     )
@@ -135,14 +135,14 @@ def keep_largest_pieces(numbered: Int[np.ndarray, "Z Y X"], count: int, name: st
         return
     if count <= _FEW_CLASSES and dropped > _SCATTERED * labelled:
         raise SegmentationError(
-            f"{name} holds {count} numbers whose voxels lie in many pieces ({dropped / labelled:.0%} of "
+            f"{name} contains {count} numbers whose voxels lie in many pieces ({dropped / labelled:.0%} of "
             "them apart "
-            f"from the largest): these are classes of material and no single grains; {_HOW_TO_PART}."
+            f"from the largest): these are classes of material, not single grains; {_HOW_TO_PART}."
         )
     for box, fragment in fragments:
         numbered[box][fragment] = 0
     warnings.warn(
-        f"{name}: {broken} labels were in several pieces; the largest of each was kept and "
+        f"{name}: {broken} labels were in several pieces; the largest piece of each was kept and "
         f"{dropped:,} voxels dropped.",
         GrainWarning,
         stacklevel=3,

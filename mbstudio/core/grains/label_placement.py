@@ -54,7 +54,12 @@ def lay_on_scan(
         If the labels cannot be brought onto the scan's voxels.
     """
     _require_same_blocks(stored, scan, name)
-    if scan.grid is not None and grid is not None and not grid.is_placeholder and not scan.grid.is_placeholder:
+    if (
+        scan.grid is not None
+        and grid is not None
+        and not grid.is_placeholder
+        and not scan.grid.is_placeholder
+    ):
         return _by_space(stored, grid, scan, scan.grid, name)
     if scan.excerpt is not None and stored.shape == scan.excerpt.whole:
         return _region_of_whole(stored, grid, scan, scan.excerpt, name)
@@ -121,7 +126,7 @@ def _shape_message(shape: tuple[int, ...], target: tuple[int, int, int], name: s
         return f"{message}. Its axes seem to be in another order, such as x, y, z: export it as z, y, x."
     if len(shape) == 3 and all(mine < its for mine, its in zip(shape, target, strict=True)):
         return (
-            f"{message}. It seems to be cropped: export it over the whole scan, or with its origin "
+            f"{message}. It seems to be cropped: export the whole volume, or use a format with an origin "
             "(NRRD, MHA)."
         )
     return f"{message}."
@@ -150,8 +155,8 @@ def _by_space(
             require_no_better_order(labels, scan, name)
             return labels, (note,)
         raise SegmentationError(
-            f"{name} has other voxels than the scan ({_edges(mine)} against {_edges(scan_grid)}, x, y, z): "
-            "resample the labels onto the scan, with nearest neighbours."
+            f"{name} has voxels that differ from the scan's ({_edges(mine)} against {_edges(scan_grid)}, x, "
+            "y, z): resample the labels onto the scan, with nearest neighbours."
         )
     corner = np.rint(shift)
     if np.abs(shift - corner).max() > 0.1:
@@ -213,7 +218,7 @@ def _part_note(labels: tuple[int, ...], start: list[int], shape: tuple[int, int,
     )
     if covers_all:
         return "covers more than the scan, which is a region of its file: the labels were cropped to it."
-    return f"covers a part of the scan, from voxel {tuple(start)} (z, y, x), as its origin says."
+    return f"covers a part of the scan, from voxel {tuple(start)} (z, y, x), according to its origin."
 
 
 def _placed(
@@ -245,7 +250,7 @@ def _placed(
         raise SegmentationError(
             f"{name} reaches beyond the scan: by its origin its first voxel lies at {tuple(start)} (z, "
             "y, x) of a "
-            f"scan of {shape}. Check that both belong together."
+            f"scan of {shape}. Check that they belong together."
         )
     placed = np.zeros(shape, labels.dtype)
     placed[region] = kept

@@ -56,7 +56,7 @@ def require_ending(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:
         raise SegmentationError(
-            f"{path} cannot be written as a label image: let its name end in {', '.join(ENDINGS)}."
+            f"{path} cannot be written as a label image: use a name ending in {', '.join(ENDINGS)}."
         )
     if path.exists() and path.is_dir() != (suffix == ".zarr"):
         what = "folder" if path.is_dir() else "file"

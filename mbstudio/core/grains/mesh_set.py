@@ -90,7 +90,7 @@ def grain_set_from_meshes(
             )
     if len(bodies) == 1:
         parts = [voxelise_body(bodies[0], resolution, bodies[0].metadata["path"], None, cavities)]
-        return _described(_alone(parts[0]), parts, bodies, np.ones((1, 3), int))
+        return _described(_build_one(parts[0]), parts, bodies, np.ones((1, 3), int))
     bodies = [_in_unit(body, str(bodies[0].units)) for body in bodies]
     edge = _common_edge(bodies, resolution)
     corner = np.min([body.bounds[0] for body in bodies], axis=0) if len(paths) == 1 else None
@@ -102,7 +102,7 @@ def grain_set_from_meshes(
     places = None if corner is None else _common_places(parts, edge)
     if places is None:
         places = _shelves(parts)
-    return _described(_laid(parts, places, corner is not None), parts, bodies, places)
+    return _described(_lay_out(parts, places, corner is not None), parts, bodies, places)
 
 
 def _in_unit(body: trimesh.Trimesh, unit: str) -> trimesh.Trimesh:
@@ -138,7 +138,7 @@ def _common_edge(bodies: list[trimesh.Trimesh], resolution: int) -> float:
     if coarse:
         warnings.warn(
             f"{coarse} of the {len(bodies)} bodies are less than {least} voxels long, because all share "
-            "voxels of one size: their shapes are coarse; take bodies of similar size together.",
+            "one voxel size: their shapes are coarse. Combine bodies of similar size.",
             GrainWarning,
             stacklevel=3,
         )

@@ -101,7 +101,7 @@ class SegmentationSettings:
                 f"ranges={self.ranges} is impossible: give pairs of a lower and a higher grey value."
             )
         if self.ranges and self.threshold is not None:
-            raise SegmentationError("A threshold and ranges exclude each other: give one of them.")
+            raise SegmentationError("Give either a threshold or ranges, not both.")
 
 
 def segment(
@@ -153,7 +153,7 @@ def segment(
     landscape = _distance_map(foreground.mask, view, scan.voxel_size)
     words, interfaces, phases = foreground.words, foreground.interfaces, foreground.phases
     del foreground
-    tell(0.58, "Parting touching grains")
+    tell(0.58, "Separating touching grains")
     labels, count = split_by_necks(landscape, settings.splitting, _LEAST_DEPTH)
     tell(0.75, "Parting them otherwise")
     agreeing = agreement_of_splittings(landscape, labels, settings.splitting, _LEAST_DEPTH) if count else 0.0

@@ -37,14 +37,6 @@ def mean_loss(field: Float[np.ndarray, "m"]) -> float:
     return float(_mean_loss(np.ascontiguousarray(field)))
 
 
-def point_loss(field: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
-    """Return Eq. GSloss of each hull point, given f there."""
-    f = np.asarray(field, dtype=np.float64)
-    return np.where(
-        f >= 2, (f - 1) ** 2, np.where(f >= 1, f - 1, (f - 1) ** 2 + 1 / np.minimum(f, 1) - 1)
-    )  # fmt: skip
-
-
 def point_loss_slope(field: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
     """Return the derivative of Eq. GSloss by f at each hull point (at 1 and 2: the middle branch)."""
     f = np.asarray(field, dtype=np.float64)

@@ -28,7 +28,7 @@ Cavities = Literal["fill", "keep"]
 CAVITIES = Option(
     "fill",
     "Fill cavities that the grain encloses, with a warning in the verdict, or let the avatar have them: "
-    "a void of its own for each, as far as n allows, which is then no fault.",
+    "a void for each, as far as n allows, which then does not make the avatar invalid.",
     choices=get_args(Cavities),
 )
 """What both methods can do about cavities."""

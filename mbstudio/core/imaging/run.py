@@ -43,7 +43,7 @@ def require_number(n: int, grain: Grain) -> int:
     whole = isinstance(n, numbers.Real) and not isinstance(n, bool) and math.isfinite(n) and int(n) == n
     if not whole or n < 1:
         raise FitError(
-            f"n = {n} control points make no avatar of grain '{grain.name}': give a whole number, 1 or more."
+            f"n = {n} is not possible for grain '{grain.name}': n must be a whole number, 1 or more."
         )
     if n > grain.voxel_count:  # spheres do not share voxels; how many really fit shows in the clustering
         raise TooManyControlPoints(grain, int(n), max(1, greatest_number(grain)))
@@ -174,7 +174,7 @@ class StepRun(ABC):
         start_loss = self._begin_at(start)
         if self._begin_at(kept) > start_loss:
             self._begin_at(start)
-            self._note = f"begins anew with {n} control points: nearer than those there were, split or merged"
+            self._note = f"restarts with {n} control points: better than the previous ones, split or merged"
         self._steps = self._search(self.options.generations)
 
     def more_generations(self, count: int) -> None:
@@ -186,7 +186,7 @@ class StepRun(ABC):
             If the search has not begun, or `count` is not positive.
         """
         if count < 1:
-            raise FitError(f"{count} more generations cannot be made: give a whole number, 1 or more.")
+            raise FitError(f"{count} more generations are not possible: give a whole number, 1 or more.")
         if not self.has_begun:
             raise FitError("The gradient search has not begun: let the sphere clustering finish first.")
         self._verdict = None

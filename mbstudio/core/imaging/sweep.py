@@ -221,9 +221,9 @@ def checked_numbers(numbers: Sequence[int]) -> tuple[int, ...]:
     """Return numbers of control points in rising order, each once; FitError for what is none."""
     for n in numbers:
         if isinstance(n, bool) or int(n) != n or n < 1:
-            raise FitError(f"n = {n} control points make no avatar: give whole numbers, 1 or more.")
+            raise FitError(f"n = {n} is not possible: n must be a whole number, 1 or more.")
     if not len(numbers):
-        raise FitError("A sweep without a number of control points does nothing: give at least one.")
+        raise FitError("A sweep needs at least one number of control points.")
     return tuple(sorted({int(n) for n in numbers}))
 
 
@@ -268,9 +268,9 @@ def smallest_numbers(rows: Sequence[SweepRow], error: float, share: float = 0.5)
         If `error` is not positive or `share` not above 0 and at most 1.
     """
     if not error > 0:
-        raise FitError(f"An error of {error} cannot be met: give a share above 0, as 0.01 for 1 %.")
+        raise FitError(f"The error must be above 0, for example 0.01 for 1 %, not {error}.")
     if not 0 < share <= 1:
-        raise FitError(f"share = {share} is no share of the grains: give a number above 0, at most 1.")
+        raise FitError(f"The share of the grains must be above 0 and at most 1, not {share}.")
     found: dict[str, int | None] = {}
     for name in error_names(rows):
         found[name] = None
@@ -333,7 +333,7 @@ def read_sweep(path: Path) -> list[SweepRow]:
             return [_row_of(cells) for cells in csv.DictReader(stream)]
     except (KeyError, ValueError, TypeError, csv.Error) as error:
         raise FitError(
-            f"{path} is no table of a sweep ({type(error).__name__}: {error}): give another file."
+            f"{path} is not the table of a sweep ({type(error).__name__}: {error}): give another file."
         ) from error
 
 

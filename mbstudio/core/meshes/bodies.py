@@ -149,8 +149,8 @@ def question_size(length: float, unit: str, source: str) -> None:
     metres = length * METRES_PER_UNIT[unit]
     if not _SIZES[0] <= metres <= _SIZES[1]:
         warnings.warn(
-            f"{source} is {length:.3g} {unit_label(unit)} long, which no grain is: check the unit of its "
-            "coordinates.",
+            f"{source} is {length:.3g} {unit_label(unit)} long, too short or too long for a grain: check "
+            "the unit of its coordinates.",
             GrainWarning,
             stacklevel=3,
         )
@@ -169,7 +169,7 @@ def closed_body(mesh: trimesh.Trimesh, source: str, cavities: Cavities = "keep")
     if isinstance(mesh, trimesh.Scene):  # what trimesh makes of files with several objects
         mesh = mesh.to_mesh()
     if not isinstance(mesh, trimesh.Trimesh):
-        raise MeshError(f"{source} is no triangle mesh but {type(mesh).__name__}: give a trimesh.Trimesh.")
+        raise MeshError(f"{source} is a {type(mesh).__name__}, not a triangle mesh: give a trimesh.Trimesh.")
     notes: list[str] = []
     bodies = separate_bodies(
         np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64), source,
@@ -187,8 +187,8 @@ def closed_body(mesh: trimesh.Trimesh, source: str, cavities: Cavities = "keep")
 def several_bodies(source: str, count: int) -> MeshError:
     """Return the refusal of a file where one body is wanted."""
     return MeshError(
-        f"{source} holds {count} separate bodies: take them as grains of their own with Grain.from_meshes or "
-        "on the command line, or save each as a file of its own."
+        f"{source} contains {count} separate bodies: make each a grain with Grain.from_meshes or "
+        "on the command line, or save each as its own file."
     )
 
 
@@ -201,7 +201,7 @@ def separate_bodies(
         raise ValueError(f"cavities='{cavities}' is not known: use 'fill' or 'keep'.")
     notes = [] if notes is None else notes
     if not len(faces):
-        raise MeshError(f"{source} has no faces: it is no surface.")
+        raise MeshError(f"{source} has no faces, so it is not a surface.")
     shells = closed_shells(vertices, faces, parts, source, notes)
     shells = _without_specks(shells, notes)
     holders = _nesting(shells, source, notes)
@@ -245,8 +245,8 @@ def _without_specks(shells: list[Shell], notes: list[str]) -> list[Shell]:
     kept = [shell for shell in shells if shell.volume > _SPECK * largest]
     if len(kept) < len(shells):
         notes.append(
-            f"holds {len(shells) - len(kept)} specks of less than a millionth of its largest body's volume, "
-            "which were left out"
+            f"contains {len(shells) - len(kept)} specks of less than a millionth of its largest body's "
+            "volume, which were left out"
         )
     return kept
 
@@ -288,13 +288,13 @@ def _nesting(shells: list[Shell], source: str, notes: list[str]) -> Bool[np.ndar
         overlap = max(within, _share_within(shells[other], shells[one]))
         if overlap > _OVERLAP:
             raise MeshError(
-                f"{source} holds bodies that overlap ({overlap:.0%} of one's surface lies within another), "
-                "so that its volume is not that of its parts: unite them if they are one grain, in MeshLab "
-                "with Filters > Remeshing > Mesh Boolean: Union, or move them apart."
+                f"{source} contains bodies that overlap ({overlap:.0%} of one's surface lies within "
+                "another), so that its volume is not that of its parts: unite them if they are one grain, "
+                "in MeshLab with Filters > Remeshing > Mesh Boolean: Union, or move them apart."
             )
         crossing += overlap > 0
     if crossing:
-        notes.append(f"holds {crossing} pairs of bodies that overlap slightly; each was taken as it is")
+        notes.append(f"contains {crossing} pairs of bodies that overlap slightly; each was taken as it is")
     return holders
 
 

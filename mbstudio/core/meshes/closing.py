@@ -79,12 +79,11 @@ def closed_shells(
     corners = points[faces.ravel()]
     if not np.isfinite(corners).all():
         wrong = int(np.count_nonzero(~np.isfinite(corners).all(axis=1).reshape(-1, 3).all(axis=1)))
-        raise MeshError(
-            f"{source} has {wrong} triangles with corners that are not finite numbers: export it again."
-        )
+        raise MeshError(f"{source} has {wrong} triangles with vertices that are not finite: export it again.")
     if np.abs(corners).max() > _LARGEST:
         raise MeshError(
-            f"{source} has coordinates of {np.abs(corners).max():.2g}, no lengths: export it again."
+            f"{source} has coordinates of {np.abs(corners).max():.2g}, which are not lengths: export it "
+            "again."
         )
     soups = [weld_equal(points, faces)]
     if parts is not None and len(np.unique(parts)) > 1:
@@ -99,11 +98,11 @@ def closed_shells(
         flat += left_out
     if not shells:
         raise MeshError(
-            f"{source} encloses no volume: its triangles are points or lines, or lie flat on each other; "
+            f"{source} encloses no volume: its triangles are degenerate or lie flat on each other; "
             "check that they form one closed body."
         )
     if flat:
-        notes.append(f"holds {flat} flat pieces without volume, which were left out")
+        notes.append(f"contains {flat} flat pieces without volume, which were left out")
     return shells
 
 
@@ -237,7 +236,7 @@ def _shells_of_piece(points: Points, faces: Faces, source: str, group: int) -> l
     sheets = sheets_of(faces, EdgeTable.from_faces(faces))
     if sheets is None:
         raise MeshError(
-            f"{source} is one-sided, as a Moebius strip is: it has no inside; check how it was made."
+            f"{source} is one-sided like a Moebius strip, so it has no inside: check how it was made."
         )
     sheet, turned = sheets
     order = np.argsort(sheet, kind="stable")
@@ -291,7 +290,7 @@ def _turned_outwards(points: Points, sheets: list[Faces], source: str) -> Faces:
         start += len(sheet)
     if not EdgeTable.from_faces(faces).is_consistent:
         raise MeshError(
-            f"{source} crosses itself where more than two triangles meet in an edge, so that inside and "
-            "outside cannot be told apart: repair it, for example in MeshLab with Filters > Cleaning."
+            f"{source} intersects itself where more than two triangles meet in an edge, so that inside and "
+            "outside cannot be distinguished: repair it, for example in MeshLab with Filters > Cleaning."
         )
     return faces

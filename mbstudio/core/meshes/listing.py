@@ -60,8 +60,8 @@ def meshes_of(folder: Path) -> list[Path]:
         If there is no such folder, or it holds no meshes.
     """
     if not folder.is_dir():
-        raise MeshError(f"{folder} is no folder: choose one that holds meshes.")
+        raise MeshError(f"{folder} is not a folder: choose one that contains meshes.")
     found = sorted(path for path in folder.iterdir() if path.is_file() and is_mesh_file(path))
     if not found:
-        raise MeshError(f"{folder} holds no meshes ({', '.join(MESH_ENDINGS)}): choose another folder.")
+        raise MeshError(f"{folder} contains no meshes ({', '.join(MESH_ENDINGS)}): choose another folder.")
     return found

@@ -66,10 +66,11 @@ def read_mesh_data(path: Path) -> MeshData:
     if not len(found.faces):
         if len(found.vertices):
             raise MeshError(
-                f"{path} holds {len(found.vertices):,} points but no triangles between them: make a closed "
-                "surface of them first, for example in MeshLab with Filters > Remeshing > Screened Poisson."
+                f"{path} contains {len(found.vertices):,} points but no triangles between them: make a "
+                "closed surface of them first, for example in MeshLab with Filters > Remeshing > Screened "
+                "Poisson."
             )
-        raise MeshError(f"{path} holds no triangles: export the grain's surface again.")
+        raise MeshError(f"{path} contains no triangles: export the grain's surface again.")
     return found
 
 
@@ -116,7 +117,7 @@ def _format_of(path: Path, data: bytes) -> str:
         return "glTF"
     if ending in known:
         return known[ending]
-    raise MeshError(f"{path} is no mesh that mbstudio reads: use one of {', '.join(MESH_ENDINGS)}.")
+    raise MeshError(f"{path} is not a mesh format that mbstudio reads: use one of {', '.join(MESH_ENDINGS)}.")
 
 
 def _sidecar(path: Path, name: str) -> bytes:
@@ -141,7 +142,5 @@ def _sidecar(path: Path, name: str) -> bytes:
             f"{path} keeps its triangles in '{plain[:80]}', a link out of its folder: copy the file."
         )
     if not found.is_file():
-        raise MeshError(
-            f"{path} needs '{plain[:80]}' beside it, which is not there: copy it into the same folder."
-        )
+        raise MeshError(f"{path} needs '{plain[:80]}', which is missing: copy it into the same folder.")
     return _bytes_of(found)

@@ -43,7 +43,7 @@ def require_few_triangles(count: int, source: str) -> None:
     """Refuse what cannot be held in memory, before memory is taken."""
     if count > MOST_TRIANGLES:
         raise MeshError(
-            f"{source} holds {count:,} triangles, more than {MOST_TRIANGLES:,}: reduce them first, "
+            f"{source} contains {count:,} triangles, more than {MOST_TRIANGLES:,}: reduce them first, "
             "for example in MeshLab with Filters > Remeshing > Quadric Edge Collapse Decimation."
         )
 

@@ -169,7 +169,7 @@ class Avatar:
             If `factor` is not a positive finite number.
         """
         if not (np.isfinite(factor) and factor > 0):
-            raise AvatarError(f"Avatar '{self.name}' cannot be scaled by {factor}: give a positive number.")
+            raise AvatarError(f"The scale of avatar '{self.name}' must be a positive number, not {factor}.")
         return replace(self, centers=self.centers * factor, weights=self.weights * factor**2)
 
     def transformed(

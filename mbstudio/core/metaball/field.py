@@ -161,9 +161,7 @@ def as_points(points: np.ndarray) -> Float64[np.ndarray, "m 3"]:
     """Return points as a contiguous array of shape (m, 3); AvatarError for any other shape."""
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
-        raise AvatarError(
-            f"Points of shape {array.shape} cannot be evaluated: give an array of shape (m, 3), x y z."
-        )
+        raise AvatarError(f"Points must have the shape (m, 3), not {array.shape}.")
     return array
 
 

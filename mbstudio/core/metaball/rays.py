@@ -240,7 +240,7 @@ def first_hits(
     starts, along = as_points(origins), unit_directions(directions)
     if starts.shape != along.shape:
         raise AvatarError(
-            f"There are {len(starts)} origins, but {len(along)} directions: give as many of each."
+            f"There are {len(starts)} origins but {len(along)} directions: give the same number of each."
         )
     if not 0 < shortest_chord < 1:
         raise AvatarError(

@@ -234,7 +234,7 @@ def surface_mesh(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> trimes
     from skimage.measure import marching_cubes
 
     if cells < 4:
-        raise AvatarError(f"A mesh of {cells} cells cannot represent the surface: give at least 4.")
+        raise AvatarError(f"A mesh needs at least 4 cells, not {cells}.")
     field, origin, spacing = sample_solid(control, cells)
     with np.errstate(divide="ignore"):
         distance = 1.0 / np.sqrt(field)

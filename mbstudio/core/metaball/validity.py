@@ -88,7 +88,7 @@ def _advise(n: int, grain: Grain | None, needed: Callable[[], int] | None) -> st
             f"its {grain.voxel_count} voxels are too few for a more accurate avatar: "
             "scan with smaller voxels or leave it out"
         )
-    return f"n too small for this shape: try {wanted}"
+    return f"n is too small for this shape: try {wanted}"
 
 
 def _warnings(kept: int, filled: int, voids: int) -> tuple[str, ...]:

@@ -45,7 +45,9 @@ def convex_hull(points: Float[np.ndarray, "m 3"]) -> ConvexHull:
     try:
         return ConvexHull(points)
     except QhullError as error:
-        raise MeasureError("The body is flat or empty: it has no volume, so no shape factors.") from error
+        raise MeasureError(
+            "The body is flat or empty: it has no volume, so its shape factors are undefined."
+        ) from error
 
 
 def minimum_bounding_box(hull: ConvexHull) -> BoundingBox:
@@ -104,7 +106,7 @@ def box_along(points: Float[np.ndarray, "m 3"], directions: Float[np.ndarray, "3
     frame = np.asarray(directions, dtype=float)
     if frame.shape != (3, 3) or not np.allclose(frame @ frame.T, np.eye(3), atol=1e-6):
         raise MeasureError(
-            "The directions of a box are three orthogonal unit vectors as rows, shape (3, 3); "
+            "The directions of a box must be three orthogonal unit vectors as rows, shape (3, 3); "
             f"these, of shape {frame.shape}, are not."
         )
     return sort_edges(np.ptp(frame @ points.T, axis=1), frame)
@@ -216,5 +218,5 @@ def inertia_lengths(second: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]
     """
     moments = np.linalg.eigvalsh(second)
     if not moments[0] > 0:
-        raise MeasureError("The body is flat: it has no ellipsoid of the same inertia.")
+        raise MeasureError("The body is flat, so no ellipsoid has the same inertia.")
     return 2.0 * np.sqrt(5.0 * moments)

@@ -143,7 +143,7 @@ def _moments(
     """Return volume, centre, and second moments about the centre over the volume."""
     volume = float(integrals[0])
     if not volume > 0:
-        raise MeasureError("The body has no volume, so no shape factors.")
+        raise MeasureError("The body has no volume, so its shape factors are undefined.")
     offset = integrals[1:4] / volume
     xx, yy, zz, xy, yz, zx = integrals[4:] / volume
     second = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) - np.outer(offset, offset)

@@ -150,7 +150,7 @@ def smooth_body(
     if cells.prod() * _FINER**3 > _MOST_SAMPLES:
         raise MeasureError(
             f"The body is {float((high - low).max() / nominal_diameter):.0f} times as long as its nominal "
-            "diameter: roundness and roughness are not defined for a thread."
+            "diameter: roundness and roughness are not defined for such a thread."
         )
     origin = (low + high) / 2 - edge * (cells - 1) / 2
     fine = edge / _FINER

@@ -148,7 +148,7 @@ class FactorTable(Mapping[str, Factor]):
             from one that is not in the table or is measured later.
         """
         if factor.name in self._factors:
-            raise MeasureError(f"There is a factor '{factor.name}' already: give the new one another name.")
+            raise MeasureError(f"The factor '{factor.name}' exists already: give the new one another name.")
         self._check(factor)
         self._factors[factor.name] = factor
 
@@ -158,13 +158,15 @@ class FactorTable(Mapping[str, Factor]):
         for name in factor.arguments:
             if name not in self._factors:
                 known = ", ".join(self._factors)
-                raise MeasureError(f"'{factor.name}' takes '{name}', which is no factor: use one of {known}.")
+                raise MeasureError(
+                    f"'{factor.name}' depends on '{name}', which is not a factor: use one of {known}."
+                )
             if factor.measured == "core" and self._factors[name].measured != "core":
                 raise MeasureError(
-                    f"'{factor.name}' takes '{name}', a detailed factor: state measured='detail'."
+                    f"'{factor.name}' depends on '{name}', a detailed factor: set measured='detail'."
                 )
             if factor.quick and not self._factors[name].quick:
-                raise MeasureError(f"'{factor.name}' takes '{name}', which is not found quickly.")
+                raise MeasureError(f"'{factor.name}' depends on '{name}', which is not a quick factor.")
 
     @contextmanager
     def extended(self, *factors: Factor) -> Iterator[None]:

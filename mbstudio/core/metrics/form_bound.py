@@ -42,7 +42,8 @@ def highest_sphericity(csf: float) -> float:
 
     if not FLATTEST <= csf <= 1.0:
         raise StyleError(
-            f"A Corey shape factor of {csf:g} has no highest sphericity: give {FLATTEST:g} to 1."
+            f"The highest sphericity is known for Corey shape factors from {FLATTEST:g} to 1, not for "
+            f"{csf:g}."
         )
     terms, slopes = _legendre()
     heights, shares = np.polynomial.legendre.leggauss(_NODES)

@@ -120,7 +120,7 @@ def mesh_unit(mesh: trimesh.Trimesh, unit: str | None) -> str:
     if mesh.units:
         return parse_unit(mesh.units)
     if unit is None:
-        raise MeasureError("The mesh carries no length unit: say which with unit='mm'.")
+        raise MeasureError("The mesh has no length unit: state it, for example unit='mm'.")
     return parse_unit(unit)
 
 
@@ -189,7 +189,7 @@ def properties_of_integrals(
     """
     volume = float(integrals[0])
     if not volume > 0:
-        raise MeasureError(f"The body has a volume of {volume:g}: it has no mass properties.")
+        raise MeasureError(f"The body has a volume of {volume:g}, so its mass properties are undefined.")
     offset = integrals[1:4] / volume
     xx, yy, zz, xy, yz, zx = integrals[4:]
     second = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) - volume * np.outer(offset, offset)

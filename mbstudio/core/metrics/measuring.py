@@ -86,7 +86,7 @@ def measure(
     if axes not in get_args(AxisConvention):
         raise MeasureError(f"axes='{axes}' is not known: use 'obb', 'feret' or 'inertia'.")
     if along is not None and axes != "obb":
-        raise MeasureError(f"along= is of boxes: it goes with axes='obb', not with axes='{axes}'.")
+        raise MeasureError(f"along= applies only to axes='obb', not to axes='{axes}'.")
     result = core_factors(prepare_measured_body(body, unit, surface), axes, along)
     return result if unit is None or result.unit == UNITLESS else in_unit(result, unit)
 

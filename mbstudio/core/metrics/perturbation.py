@@ -140,7 +140,7 @@ def _cut_grain(field: GreyField, values: Float[np.ndarray, "Z Y X"], level: floa
     mask = cc3d.largest_k(values > level, k=1, connectivity=26).astype(bool)
     if not mask.any():
         raise MeasureError(
-            f"'{field.grain.name}' vanishes when its threshold or place changes by a fraction of a voxel: "
-            "it is too small for an interval."
+            f"'{field.grain.name}' disappears when its threshold or position changes by a fraction of a "
+            "voxel: it is too small for an interval."
         )
     return Grain(fill_voids.fill(mask), field.grain.voxel_size, name=field.grain.name)

@@ -53,7 +53,7 @@ def avatar_surface(avatar: Avatar, cells: int = _COARSE_CELLS) -> NestedSurface:
     pieces = outer_pieces(vertices, faces)
     if pieces != 1:
         raise MeasureError(
-            f"Avatar '{avatar.name}' is in {pieces} pieces: shape factors are those of one body. "
+            f"Avatar '{avatar.name}' is in {pieces} pieces: shape factors are defined for one body. "
             "Fit it again with more control points."
         )
     middles, split = subdivide(vertices, faces)

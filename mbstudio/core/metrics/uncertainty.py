@@ -101,7 +101,7 @@ def factor_intervals(
         threshold do not fit the mask.
     """
     if (grey is None) != (threshold is None):
-        raise MeasureError("Grey values and their threshold belong together: give both or none.")
+        raise MeasureError("Give the grey values and their threshold, or neither.")
     surface = surface or default_surface(grain)
     found = measure(grain, unit=unit, axes=axes, surface=surface)
     extra = measure_detail(grain, unit=unit) if detail else None

@@ -36,16 +36,19 @@ def check_grain(grain: Grain) -> str:
     pieces = int(cc3d.connected_components(mask, connectivity=26, return_N=True)[1])
     if pieces > 1:
         raise MeasureError(
-            f"'{grain.name}' is in {pieces} pieces: shape factors are those of one body. Make each piece a "
-            "grain, or keep the largest with Grain.from_mask(..., keep='largest')."
+            f"'{grain.name}' is in {pieces} pieces: shape factors are defined for one body. Make each piece "
+            "a grain, or keep the largest with Grain.from_mask(..., keep='largest')."
         )
     if not _holds_cube(mask, 2):
         raise MeasureError(
-            f"'{grain.name}' ({grain.voxel_count} voxels) is one voxel thick: its area and axes would be "
-            "those of the voxel grid. Scan it with smaller voxels."
+            f"'{grain.name}' ({grain.voxel_count} voxels) is one voxel thick: its area and axes would follow "
+            "the voxel grid. Scan it with smaller voxels."
         )
     if not _holds_cube(mask, _THIN):
-        return f"Nowhere {_THIN} voxels thick: area and axis lengths depend on how it lies in the grid."
+        return (
+            f"Less than {_THIN} voxels thick everywhere: area and axis lengths depend on the orientation in "
+            "the voxel grid."
+        )
     return ""
 
 

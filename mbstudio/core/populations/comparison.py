@@ -114,7 +114,7 @@ def _map_by_label(population: Population, factor: str) -> dict[int, float]:
     column = population.column(factor)
     if len(set(population.labels.tolist())) < len(population):
         raise MeasureError(
-            f"Population '{population.name}' has a label twice: bodies cannot be paired by it."
+            f"Population '{population.name}' has a duplicate label, so its bodies cannot be paired."
         )
     return {
         int(label): float(value)

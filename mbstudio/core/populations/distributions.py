@@ -36,7 +36,7 @@ class Cdf:
     def quantile(self, share: float) -> float:
         """Return the smallest value with at least this share (0 to 1) at or below it."""
         if not 0 <= share <= 1:
-            raise MeasureError(f"A share of {share:g} is not between 0 and 1.")
+            raise MeasureError(f"The share must be between 0 and 1, not {share:g}.")
         # Sums of weights miss the exact share by rounding.
         place = int(np.searchsorted(self.shares, share - 1e-12))
         return float(self.values[min(place, len(self.values) - 1)])
@@ -168,7 +168,9 @@ def kernel_density(
     values, weights = _check_values(values, weights)
     low, high = float(values.min()), float(values.max())
     if high - low <= 1e-12 * max(abs(low), abs(high)):
-        raise MeasureError("Values that are all equal have no density: show their number instead.")
+        raise MeasureError(
+            "The density of values that are all equal is undefined: show their number instead."
+        )
     kernel = gaussian_kde(values, weights=weights)
     reach = 3.0 * float(np.sqrt(kernel.covariance[0, 0]))
     x = np.linspace(low - reach, high + reach, _DENSITY_POINTS)
@@ -185,8 +187,8 @@ def _check_values(
         raise MeasureError("A distribution needs finite values: leave out bodies that could not be measured.")
     weights = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=float)
     if weights.shape != values.shape or not np.isfinite(weights).all() or (weights < 0).any():
-        raise MeasureError(f"{len(values)} values need as many weights, finite and not negative.")
+        raise MeasureError(f"{len(values)} values need the same number of finite, non-negative weights.")
     total = float(weights.sum())
     if not total > 0:
-        raise MeasureError("All weights are zero: there is nothing to distribute.")
+        raise MeasureError("All weights are zero.")
     return values, weights / total

@@ -114,7 +114,7 @@ def measure_population(
         given = list(bodies)
         chosen = _own_labels(given) if labels is None else [int(label) for label in labels]
         if len(chosen) != len(given):
-            raise MeasureError(f"{len(given)} bodies have {len(chosen)} labels: give one to each.")
+            raise MeasureError(f"{len(given)} bodies have {len(chosen)} labels: give one for each.")
         makers = [given_body(body) for body in given]
         first = unit or _common_unit(given)
     (population,) = measure_together(
@@ -184,7 +184,7 @@ def _common_unit(bodies: Sequence[Body]) -> str | None:
     units = [getattr(body, "unit", None) or getattr(body, "units", None) for body in bodies]
     if any(units) and not all(units):
         raise MeasureError(
-            f"Body {units.index(None)} carries no unit and others do: state the unit that its numbers are in."
+            f"Body {units.index(None)} has no unit although others do: state the unit of its coordinates."
         )
     return units[0] if units else None
 
@@ -211,7 +211,7 @@ def _measure_all(
         workers = usable_cores() if count >= FEWEST_FOR_PROCESSES else 0
     if workers < 0:
         raise MeasureError(
-            f"{workers} processes cannot measure: give 1 or more, or 0 for the calling thread."
+            f"The number of processes must be 1 or more, or 0 for the calling thread, not {workers}."
         )
     done = 0
 

@@ -68,7 +68,7 @@ class Population:
         lengths = {len(labels), len(self.reasons), len(self.warnings), *map(len, columns.values())}
         if len(lengths) > 1:
             raise MeasureError(
-                f"Population '{self.name}': labels, factors, reasons and warnings must be of one length, "
+                f"Population '{self.name}': labels, factors, reasons and warnings must have the same length, "
                 f"not {sorted(lengths)}."
             )
         for array in (labels, *columns.values()):
@@ -99,7 +99,7 @@ class Population:
         """
         if factor not in self.factors:
             raise MeasureError(
-                f"Population '{self.name}' holds no factor '{factor}': use one of {', '.join(self.factors)}."
+                f"Population '{self.name}' has no factor '{factor}': use one of {', '.join(self.factors)}."
             )
         return self.factors[factor]
 
@@ -130,7 +130,7 @@ class Population:
         """
         missing = sorted(set(labels) - set(self.labels.tolist()))
         if missing:
-            raise MeasureError(f"Population '{self.name}' holds no body {missing[0]}.")
+            raise MeasureError(f"Population '{self.name}' has no body {missing[0]}.")
         chosen = np.flatnonzero(np.isin(self.labels, list(labels)))
         return Population(
             self.name, self.kind, self.labels[chosen],

@@ -130,7 +130,9 @@ def size_distribution(population: Population, sieves: SieveSeries | None = None)
     size, volume = population.column("intermediate"), population.column("volume")
     defined = np.isfinite(size) & np.isfinite(volume)
     if not defined.any():
-        raise MeasureError(f"No body of population '{population.name}' could be measured: it has no sizes.")
+        raise MeasureError(
+            f"No body of population '{population.name}' could be measured, so it has no sizes."
+        )
     size, volume = size[defined], volume[defined]
     if sieves is None:
         openings = np.unique(size)
@@ -159,7 +161,7 @@ def standard_sieves(
     if series not in get_args(SieveSeries):
         raise MeasureError(f"sieves='{series}' is not known: use 'iso' or 'astm'.")
     if unit == UNITLESS:
-        raise UnitError("Sieves have openings in mm and these bodies have no unit: measure them with one.")
+        raise UnitError("Sieve openings are in mm, but these bodies have no unit: measure them with a unit.")
     openings = np.sort(np.array(_SERIES[series])) * conversion_factor("mm", unit)
     # The coarsest sieve that nothing passes, and the finest that everything passes.
     first = max(0, int(np.searchsorted(openings, low, side="left")) - 1)

@@ -256,7 +256,7 @@ class Autosave:
                 not all(re.fullmatch(rf"{name}-\d{{1,9}}\.mbs", file) for name, file in parts.items())
                 or not parts
             ):
-                raise ValueError("it names files that are no parts of a project")
+                raise ValueError("it names files that do not belong to a project")
         except (
             AttributeError,
             LookupError,

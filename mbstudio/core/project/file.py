@@ -180,7 +180,7 @@ def _told(path: Path) -> Iterator[None]:
         raise
     except (*OF_BAD_CONTENTS, MbstudioError, OSError) as error:
         raise ProjectError(
-            f"{path} is no project file of mbstudio, or it is damaged ({_reason(error)}): "
+            f"{path} is not an mbstudio project, or it is damaged ({_reason(error)}): "
             "open a copy that was saved earlier, or copy it here again."
         ) from error
 
@@ -197,7 +197,7 @@ def _accept(root: Mapping[str, Any], path: Path) -> None:
     """Refuse a file by the attributes of its root: another program's, or of a newer mbstudio."""
     if root.get("format") != FORMAT:
         raise ProjectError(
-            f"{path} is an HDF5 file, but no project of mbstudio: open it with the program that wrote it."
+            f"{path} is an HDF5 file, but not an mbstudio project: open it with the program that wrote it."
         )
     schema = root.get("schema")
     if type(schema) is not int or schema < 1:

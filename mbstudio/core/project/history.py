@@ -22,7 +22,7 @@ class History:
 
     def __init__(self, state: ProjectState, limit: int = 100) -> None:
         if limit < 1:
-            raise ValueError(f"A history of {limit} changes cannot undo: give at least 1.")
+            raise ValueError(f"The history must hold at least 1 change, not {limit}.")
         self._entries: list[tuple[str, ProjectState]] = [("", state)]
         self._position = 0
         self._limit = limit

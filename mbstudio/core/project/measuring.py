@@ -62,7 +62,7 @@ def measure_project(
     """
     grains = project.grains
     if grains is None:
-        raise MeasureError("The project holds no grains yet: find them with 'mbstudio segment' first.")
+        raise MeasureError("The project has no grains yet: find them with 'mbstudio segment' first.")
     chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
     fitted = [label for label in chosen if label in project.fits]
     groups = [Bodies("grains", "grains", chosen, grain_makers(grains, chosen))]

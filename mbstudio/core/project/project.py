@@ -257,7 +257,7 @@ class Project:
         Raises
         ------
         ProjectError
-            If there is no file, it cannot be read, or the two do not belong together.
+            If there is no file, it cannot be read, or they do not belong together.
         """
         if self.path is None:
             raise ProjectError("The project has no file yet that it could be merged with.")
@@ -304,7 +304,7 @@ class Project:
         """
         target = Path(path) if path is not None else self.path
         if target is None:
-            raise ProjectError("The project has no file yet: give save a path, for example 'sand.mbs'.")
+            raise ProjectError("The project has no file yet: give a path to save, for example 'sand.mbs'.")
         begun = state = self.state
         if state.scan is not None and embed_scan is not None:
             embedded = embed_scan or state.scan.path is None

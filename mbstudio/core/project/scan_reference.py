@@ -82,9 +82,9 @@ def reopen(reference: ScanReference, path: Path | None = None) -> Scan:
     """
     path = path or reference.path
     if path is None:
-        raise ScanError("The project's scan lies in no file of its own: open the project file that holds it.")
+        raise ScanError("The project's scan is stored in the project file: open that file.")
     if not source_exists(path):
-        raise ScanError(f"The project's scan {path} is not there. If it was moved, {HOW_TO_RELOCATE}.")
+        raise ScanError(f"The project's scan {path} does not exist. If it was moved, {HOW_TO_RELOCATE}.")
     excerpt = reference.excerpt
     try:
         scan = open_scan(
@@ -99,11 +99,11 @@ def reopen(reference: ScanReference, path: Path | None = None) -> Scan:
         )
     except MbstudioError as error:
         raise ScanError(
-            f"The project's scan cannot be opened: {error} If it lies elsewhere, {HOW_TO_RELOCATE}."
+            f"The project's scan cannot be opened: {error} If it is elsewhere, {HOW_TO_RELOCATE}."
         ) from error
     if scan.shape != reference.shape or scan.excerpt != excerpt or voxel_digest(scan) != reference.digest:
         raise ScanError(
-            f"{path} is not the scan that the project was made with: it holds other voxels (shape "
-            f"{scan.shape}, expected {reference.shape}). If that scan lies elsewhere, {HOW_TO_RELOCATE}."
+            f"{path} is not the scan that the project was made with: its voxels differ (shape "
+            f"{scan.shape}, expected {reference.shape}). If that scan is elsewhere, {HOW_TO_RELOCATE}."
         )
     return replace(scan, voxel_size=reference.voxel_size, origin=reference.origin)

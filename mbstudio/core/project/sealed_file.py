@@ -42,7 +42,7 @@ def open_sealed(path: Path) -> Iterator[tuple[BinaryIO, Seal | None]]:
             if stream.read(len(_SIGNATURE)) == _SIGNATURE:
                 raise _damaged(path, "its first 512 bytes are not those that were written", None, stream)
             raise ProjectError(
-                f"{path} is no project file of mbstudio, or its beginning is damaged: open a copy that was "
+                f"{path} is not an mbstudio project, or its beginning is damaged: open a copy that was "
                 "saved earlier, or copy it here again."
             )
         stream.seek(0)
@@ -78,7 +78,7 @@ def identify(path: Path) -> str | None:
 def _opened(path: Path) -> Iterator[BinaryIO]:
     # Also keeps away pipes and devices, which give no end.
     if not path.is_file():
-        raise ProjectError(f"{path} is not there, or not a file: check the name and the folder.")
+        raise ProjectError(f"{path} does not exist or is not a file: check the name and the folder.")
     try:
         stream = path.open("rb")
     except PermissionError as error:

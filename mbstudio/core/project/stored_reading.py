@@ -221,6 +221,6 @@ def _open(pipe: IO[bytes] | None) -> IO[bytes]:
 
 def _refusal(path: Path, reason: str) -> ProjectError:
     return ProjectError(
-        f"{path} is no project file of mbstudio, or it is damaged ({reason}). Nothing of it was taken: "
+        f"{path} is not an mbstudio project, or it is damaged ({reason}). Nothing of it was taken: "
         "open a copy that was saved earlier, or copy it here again."
     )

@@ -251,7 +251,7 @@ def _describe_gaps(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView, name:
         low = np.minimum(low, [z, *places.min(axis=0)])
         high = np.maximum(high, [z, *places.max(axis=0)])
     box = ", ".join(f"{axis} {first} to {last}" for axis, first, last in zip("zyx", low, high, strict=True))
-    where = f"{name} holds voxels that are not finite numbers inside what was scanned ({count:,}, {box})"
+    where = f"{name} contains voxels that are not finite numbers inside what was scanned ({count:,}, {box})"
     if empty:
         told = ", ".join(map(str, empty[:5])) + (", ..." if len(empty) > 5 else "")
         return (

@@ -24,7 +24,7 @@ from mbstudio.core.units import METRES_PER_UNIT, VoxelSize, conversion_factor
 _SMALLEST_VOXEL, _LARGEST_VOXEL = 1e-8, 1e-2
 # A part of a scan up to this size is read at once; a larger one is read when it is needed.
 _READ_AT_ONCE_BYTES = 4 << 30
-_STATE_IT = "state what is right, voxel_size or --voxel-size, for example '14 um'."
+_STATE_IT = "state the voxel size with voxel_size or --voxel-size, for example '14 um'."
 
 
 def open_scan(
@@ -175,7 +175,7 @@ def place(
     if reading.spacing is None:
         if reading.unit_word is not None:
             raise UnitError(
-                f"{path} gives the size of its voxels in '{reading.unit_word}', which is not a length unit "
+                f"{path} gives its voxel size in '{reading.unit_word}', which is not a length unit "
                 f"that mbstudio knows: {_STATE_IT}"
             )
         raise UnitError(f"{path} does not contain the voxel size: give voxel_size, for example '14 um'.")
@@ -201,7 +201,7 @@ def place(
         return *_readable(size, reading.origin), (*reading.size_notes, *_unusual(size))
     if _is_unusual(size):
         raise UnitError(
-            f"{path} gives a voxel size of {size}, outside what scans have (10 nm to 10 mm): {_STATE_IT}"
+            f"{path} gives a voxel size of {size}, outside the range of scans (10 nm to 10 mm): {_STATE_IT}"
         )
     return *_readable(size, reading.origin), reading.size_notes
 
@@ -216,7 +216,7 @@ def _unusual(size: VoxelSize) -> tuple[str, ...]:
     """Return the note on a stated voxel size that no scan has."""
     if not _is_unusual(size):
         return ()
-    return (f"is opened with voxels of {size}, outside what scans have (10 nm to 10 mm): is the unit right?",)
+    return (f"is opened with voxels of {size}, outside the range of scans (10 nm to 10 mm): check the unit.",)
 
 
 def _readable(

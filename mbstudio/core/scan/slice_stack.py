@@ -133,7 +133,7 @@ class SliceStack:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         if copy is False:
-            raise ValueError("A stack of slices on disk cannot become an array without a copy.")
+            raise ValueError("A stack of slices on disk cannot become an array without copying.")
         volume = np.empty(self._shape, self._dtype if dtype is None else dtype)
         if self._read_block is not None:
             step = max(1, _BLOCK_BYTES // max(1, self.nbytes // self._shape[0]))

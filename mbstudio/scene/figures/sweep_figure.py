@@ -58,7 +58,7 @@ _PANELS = (
     _Panel("Axes", ("shortest", "intermediate", "longest")),
     _Panel("Ratios of the axes", ("elongation", "flatness", "krumbein", "sneed_folk")),
     _Panel(
-        "Elongation and flatness (0 for a ball)",
+        "Elongation and flatness (0 for a sphere)",
         ("potticary_elongation", "potticary_flatness", "angelidakis_elongation", "angelidakis_flatness"),
         dashed=2,
     ),
@@ -87,7 +87,7 @@ def sweep_figure(rows: Sequence[SweepRow]) -> Figure:
 
     drawn = [row for row in rows if np.isfinite(row.loss)]
     if not drawn:
-        raise FitError("The sweep has no fit to be drawn: see in its table why they failed.")
+        raise FitError("The sweep has no fit to draw: its table says why the fits failed.")
     grains = len({row.label for row in drawn})
     figure = Figure(figsize=(16, 7.6), dpi=DPI, facecolor="white", layout="constrained")
     for index, (axes, panel) in enumerate(zip(figure.subplots(2, 4).flat, _panels(), strict=True)):
@@ -119,7 +119,7 @@ def save_sweep_figure(path: Path, rows: Sequence[SweepRow]) -> None:
 def require_ending(path: Path) -> None:
     """Refuse a file name whose ending names no format of a figure."""
     if path.suffix.lower() not in ENDINGS:
-        raise FitError(f"{path} has no ending of a figure: use {', '.join(ENDINGS)}.")
+        raise FitError(f"{path} does not have the ending of a figure: use {', '.join(ENDINGS)}.")
 
 
 def _value_of(name: str) -> _Value:

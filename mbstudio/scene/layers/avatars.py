@@ -1,4 +1,4 @@
-"""All avatars where their grains lie, as one surface."""
+"""All avatars at the positions of their grains, as one surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class AllAvatars(OverviewLayer):
 
     title = mark("All avatars")
     icon = "ph.selection-all"
-    tip = mark("All avatars where their grains lie")
+    tip = mark("All avatars at the positions of their grains")
     colour = "avatar"
     is_within_scan = True
     picks_grains = True

@@ -78,7 +78,7 @@ class DeviationMap(Layer[DeviationSurface]):
 
     title = mark("Deviation")
     icon = "ph.thermometer"
-    tip = mark("How far the avatar lies outside its grain, as colours")
+    tip = mark("Distance of the avatar's surface from the grain's, as colours")
     is_within_scan = True
 
     def __init__(self, name: str, stage: Stage) -> None:

@@ -36,11 +36,6 @@ class AllGrains(OverviewLayer):
     def actors(self) -> Sequence[Any]:
         return [*super().actors, *([] if self._solid is None else [self._solid])]
 
-    @property
-    def holds_chosen(self) -> bool:
-        """Whether chosen grains have a surface of their own."""
-        return self._solid is not None
-
     def set(self, content: Surface | None, unit: str | None = None) -> None:
         super().set(content, unit)
         self._turn_to_glass()

@@ -11,5 +11,5 @@ class LiveGrain(SurfaceLayer):
 
     title = mark("Live grain")
     icon = "ph.hand"
-    tip = mark("The grain under the hand")
+    tip = mark("The grain that is being shaped")
     colour = "avatar"

@@ -160,7 +160,7 @@ class Volume(Layer[VolumeVoxels]):
 
     title = mark("Volume")
     icon = "ph.cube"
-    tip = mark("The whole scan as a cloud")
+    tip = mark("The whole scan as a translucent volume")
     has_outline = True
     is_within_scan = True
 

@@ -25,7 +25,9 @@ class AnimationError(MbstudioError):
 def require_writer(path: Path) -> None:
     """Raise AnimationError unless an animation of this ending can be written here."""
     if path.suffix.lower() not in ENDINGS:
-        raise AnimationError(f"{path.name} has no ending of an animation: use {' or '.join(ENDINGS)}.")
+        raise AnimationError(
+            f"{path.name} does not have the ending of an animation: use {' or '.join(ENDINGS)}."
+        )
     if path.suffix.lower() == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise AnimationError(
             f"{path.name} cannot be written: MP4 needs the package imageio-ffmpeg, which is not installed "

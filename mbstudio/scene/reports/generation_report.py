@@ -21,15 +21,15 @@ from mbstudio.scene.reports.report_page import facts, heading, page, paragraph, 
 _ERRORS = (
     "δ = 100 |clones − parents| / |parents| of means and standard deviations. K-S D is the largest distance "
     "of the two cumulative distributions; the Wasserstein distance, the area between them, is in standard "
-    "deviations of the parents. 'True' is what as many true new grains would score (median; in brackets what "
-    "one sample in twenty exceeds): an error below it says nothing more about the population."
+    "deviations of the parents. 'True' is the score of as many true new grains (median; in brackets the "
+    "score that one sample in twenty exceeds). Errors below it say nothing more about the population."
 )
 _NEW = (
     "Distances are root mean square differences of ln r over 144 directions, the smallest over the eight "
     "flips of the axes. Novelty and diversity are medians of the nearest distance over that of the parents "
-    "among themselves: 1 is as new, and as varied, as real grains. A copy is nearer to a parent than 0.3 of "
-    "it. A random forest that sees factors and radii tells clones from parents by the area under its curve: "
-    "0.5 is guessing."
+    "among themselves: 1 means as new, and as varied, as real grains. A copy is nearer to a parent than 0.3 "
+    "of it. A random forest tells clones from parents by their factors and radii: an area of 0.5 under its "
+    "ROC curve is guessing."
 )
 
 
@@ -110,13 +110,13 @@ def _describe_making(generation: Generation, quality: Quality) -> dict[str, str]
     refused = ", ".join(f"{number} {reason}" for reason, number in counts.refused.items() if number)
     return {
         "Clones": f"{len(generation)}, seed {generation.seed}",
-        "Candidates": f"{counts.candidates}, of which {counts.valid} were valid as drawn "
+        "Candidates": f"{counts.candidates}, of which {counts.valid} were valid when drawn "
         f"({100 * counts.valid_share:.1f} %), {counts.repaired} were repaired",
         "Refused": refused or "none",
-        "Replaced": f"{counts.replaced} once they were measured exactly",
+        "Replaced": f"{counts.replaced} after exact measurement",
         "Valid clones": f"{100 * quality.valid_after:.1f} %",
-        "Chosen": generation.how,
-        "Chosen among": f"{generation.effective:.0f} candidates in effect",
+        "Selected": generation.how,
+        "Selected from": f"effectively {generation.effective:.0f} candidates",
         "Unit of length": unit_label(generation.clones.unit),
     }
 
@@ -149,8 +149,8 @@ def _describe_novelty(quality: Quality) -> dict[str, str]:
         "Parents among themselves": f"{new.parents:.4f} (median nearest distance)",
     }
     if told is not None:
-        known["Told from parents"] = (
-            f"area {told.auc:.3f} ± {told.error:.3f}, {100 * told.accuracy:.0f} % told right"
+        known["Recognised as clones"] = (
+            f"area {told.auc:.3f} ± {told.error:.3f}, {100 * told.accuracy:.0f} % classified correctly"
         )
     return known
 

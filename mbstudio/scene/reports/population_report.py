@@ -149,7 +149,7 @@ def _describe_measuring(project: Project, populations: ProjectPopulations) -> di
         "Axes a ≥ b ≥ c": _lower_first(AXES[grains.axes].meaning),
         "Surface area": "; ".join(_SURFACES[surface] for surface in sorted(surfaces, reverse=True)),
         "Unit of length": unit_label(grains.unit),
-        "Weighting": "by number of bodies, unless 'by mass' is said (volume at one density)",
+        "Weighting": "by number of bodies, unless 'by mass' is stated (volume at one density)",
         "Avatars that are not valid": "are measured and compared like the others where they are one body",
     }
 
@@ -236,7 +236,7 @@ def _size_tables(shown: list[Population], sieves: SieveSeries) -> list[str]:
     for population in shown:
         for curve in (size_distribution(population), size_distribution(population, sieves)):
             sizes = (curve.d10, curve.d30, curve.d50, curve.d60, curve.cu, curve.cc)
-            read = curve.sieves or "every body's size"
+            read = curve.sieves or "size of each body"
             rows.append([population.name, read, *map(_number, sizes)])
     columns = ["", "read at", *(f"D{x} ({unit})" for x in (10, 30, 50, 60)), "C_u", "C_c"]
     return [

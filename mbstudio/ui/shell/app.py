@@ -135,7 +135,7 @@ def _log_to_file() -> None:
             log_file(), maxBytes=1_000_000, backupCount=2, encoding="utf-8", delay=True
         )
     except OSError as error:
-        log.warning("No log file (%s).", error)
+        log.warning("The log file cannot be written (%s).", error)
         return
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     root = logging.getLogger("mbstudio")

@@ -177,7 +177,7 @@ class AutosaveWork(Work):
         task = Task(tr("Looking for unsaved work"), work)
         task.handled = (OSError,)
         task.succeeded.connect(self._take_leftovers)
-        task.failed.connect(lambda error: log.warning("No look for unsaved work: %s", str(error)))
+        task.failed.connect(lambda error: log.warning("Could not look for unsaved work: %s", str(error)))
         return self.queue.submit(task, lane=LANE)
 
     def _take_leftovers(self, found: list[Autosave]) -> None:

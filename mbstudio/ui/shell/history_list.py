@@ -48,7 +48,7 @@ class HistoryList(QListWidget):
                 item.setFont(font)
                 item.setToolTip(tr("Current state of the project"))
             else:
-                item.setToolTip(tr("Click to go back to here"))
+                item.setToolTip(tr("Click to return to this state"))
             here = position == history.position
             item.setIcon(self._icons.get("ph.caret-right" if here else "ph.minus", "accent"))
             self.addItem(item)

@@ -74,7 +74,7 @@ class ProjectWork(Work):
         self.said.emit("warning" if merge.in_both else "success", told)
         self.save(path, after)
 
-    def _take(self, project: Project, notes: tuple[str, ...], path: Path) -> None:
+    def _use_project(self, project: Project, notes: tuple[str, ...], path: Path) -> None:
         self.workspace.replace_project(project)
         self.workspace.remember(path)
         if in_use := self.workspace.hold_project():

@@ -244,8 +244,8 @@ _TOUR = (
     (
         mark("From a scan to particles"),
         mark(
-            "MetaBall Studio finds the grains in a CT scan and fits to each of them a body for "
-            "DEM. If you have no scan at hand, click “Try the sample”."
+            "MetaBall Studio finds the grains in a CT scan and fits a body for DEM to each of them. "
+            "If you have no scan at hand, click “Try the sample”."
         ),
         "",
     ),
@@ -274,7 +274,7 @@ _TOUR = (
         "pages",
     ),
     (
-        mark("Nothing gets lost"),
+        mark("Nothing is lost"),
         mark(
             "Work runs in the background; cancel it in the status bar. Everything can be undone, "
             "and unsaved work is offered again after a crash. Press ? for all shortcuts, Ctrl+K "

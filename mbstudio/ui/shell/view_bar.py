@@ -41,7 +41,7 @@ class ViewBar(QToolBar):
             self._worded.append(button)
         self._add_group("view.fit", "view.screenshot")
         views = [command.id for command in commands if command.id.startswith("view.from_")]
-        self._add_menu("ph.video-camera", tr("Look from …"), tr("Camera presets"), views)
+        self._add_menu("ph.video-camera", tr("View from …"), tr("Camera presets"), views)
         self._add_menu("ph.ruler", tr("Measure, clip, compare …"), tr("Tools of the view"), list(TOOLS))
 
     def _add_group(self, *names: str) -> None:

@@ -128,7 +128,7 @@ class Pictures(QObject):
             self._studio.host,
             tr("Save turntable"),
             self._studio.path_for("turntable.gif"),
-            tr("GIF animation (*.gif);;MP4 film (*.mp4);;PNG pictures, one a frame (*.png)"),
+            tr("GIF animation (*.gif);;MP4 video (*.mp4);;PNG pictures, one per frame (*.png)"),
         )
         if name:
             path = Path(name)

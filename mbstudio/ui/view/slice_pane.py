@@ -81,7 +81,7 @@ class SlicePane(QWidget):
         self.setAccessibleName(tr("Slice {plane}", plane=title))
         self.setToolTip(
             tr(
-                "<p>{plane}: wheel or arrow keys go through the slices, the left button moves the lines, "
+                "<p>{plane}: the wheel or the arrow keys change the slice, the left button moves the lines, "
                 "the right one changes the grey window (across: its width, up: brighter), Ctrl and wheel "
                 "zoom.</p>",
                 plane=title,

@@ -96,7 +96,7 @@ def _clipping(view: SceneView, tools: ViewTools) -> list[Command]:
             menu="Tools",
             shortcut="Ctrl+Alt+C",
             icon="ph.crop",
-            tip=tr("Cut surfaces and volume open: drag the middles of the box's faces, or the sliders"),
+            tip=tr("Cut surfaces and volume open: drag the centres of the box's faces, or use the sliders"),
             enabled=lambda: view.has_content,
             checked=lambda: tools.is_clipping,
             separated=True,
@@ -107,7 +107,7 @@ def _clipping(view: SceneView, tools: ViewTools) -> list[Command]:
             run=tools.reset_clip,
             menu="Tools",
             icon="ph.arrows-out",
-            tip=tr("Move its faces back to the ends of the visible bodies"),
+            tip=tr("Move its faces back to the bounds of the visible bodies"),
             enabled=lambda: tools.is_clipping,
         ),
     ]
@@ -132,7 +132,7 @@ def _pictures(view: SceneView, pictures: Pictures) -> list[Command]:
             run=pictures.ask_turntable,
             menu="Tools",
             icon="ph.film-strip",
-            tip=tr("Save the view turning once around, as GIF, MP4 or one PNG a frame"),
+            tip=tr("Save a full turn of the view as GIF, MP4 or one PNG per frame"),
             enabled=lambda: view.has_content and not pictures.is_turning,
         ),
         *(
@@ -142,17 +142,17 @@ def _pictures(view: SceneView, pictures: Pictures) -> list[Command]:
                 run=partial(pictures.use_scale, scale),
                 menu="Tools",
                 tip=tr(
-                    "Save, copy and turn the view with {scale} × {scale} pixels for each of the screen's",
+                    "Save, copy and animate the view with {scale} × {scale} pixels for each screen pixel",
                     scale=scale,
                 )
                 if scale > 1
-                else tr("Save, copy and turn the view with as many pixels as the screen shows"),
+                else tr("Save, copy and animate the view at screen resolution"),
                 checked=partial(pictures.has_scale, scale),
             )
             for scale, title in (
-                (1, tr("Pictures: as on the screen")),
-                (2, tr("Pictures: twice as fine")),
-                (4, tr("Pictures: four times as fine")),
+                (1, tr("Pictures: screen resolution")),
+                (2, tr("Pictures: double resolution")),
+                (4, tr("Pictures: four times the resolution")),
             )
         ),
     ]

@@ -10,13 +10,13 @@ from mbstudio.ui.language import mark, tr
 from mbstudio.ui.view.scene_view import SceneView
 
 _FROM: dict[View, tuple[str, str]] = {
-    "isometric": (mark("View: isometric"), mark("Look at it from an upper corner")),
-    "front": (mark("View: front"), mark("Look at it from the front")),
-    "back": (mark("View: back"), mark("Look at it from the back")),
-    "left": (mark("View: left"), mark("Look at it from the left")),
-    "right": (mark("View: right"), mark("Look at it from the right")),
-    "top": (mark("View: top"), mark("Look at it from the top")),
-    "bottom": (mark("View: bottom"), mark("Look at it from the bottom")),
+    "isometric": (mark("View: isometric"), mark("Look from an upper corner")),
+    "front": (mark("View: front"), mark("Look from the front")),
+    "back": (mark("View: back"), mark("Look from the back")),
+    "left": (mark("View: left"), mark("Look from the left")),
+    "right": (mark("View: right"), mark("Look from the right")),
+    "top": (mark("View: top"), mark("Look from the top")),
+    "bottom": (mark("View: bottom"), mark("Look from the bottom")),
 }
 
 

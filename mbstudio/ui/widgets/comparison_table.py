@@ -19,20 +19,20 @@ from mbstudio.ui.language import mark, tr
 _ROW = 25
 
 FACTOR_ROWS = (
-    (mark("Bodies"), mark("Bodies of which the factor could be measured")),
-    (mark("Mean"), mark("Mean; by mass each body counts by its volume")),
+    (mark("Bodies"), mark("Bodies whose factor could be measured")),
+    (mark("Mean"), mark("Mean; by mass, each body is weighted by its volume")),
     (mark("Std. dev."), mark("Sample standard deviation")),
     (
         mark("δ mean"),
         mark("100 |mean − mean of the first| / |mean of the first|: the paper's error of the mean"),
     ),
-    (mark("δ std. dev."), mark("The same of the standard deviations")),
+    (mark("δ std. dev."), mark("The same for the standard deviations")),
     (mark("K-S D"), mark("Kolmogorov–Smirnov: largest distance of the two cumulative distributions")),
     (
         mark("K-S p"),
         mark(
-            "Probability of such a D if both were independent samples of one distribution; avatars are not "
-            "independent of their grains, so that it errs to the large side. Not defined by mass"
+            "Probability of such a D for two independent samples of one distribution. Avatars depend on "
+            "their grains, so theirs is too large. Undefined by mass"
         ),
     ),
     (mark("Wasserstein"), mark("Area between the two cumulative distributions, in the factor's unit")),

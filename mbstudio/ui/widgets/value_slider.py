@@ -134,7 +134,7 @@ class ValueSlider(QWidget):
         self.box.setFixedWidth(92)
         self.box.setSuffix(f" {unit}" if unit else "")
         self.lock.setCheckable(True)
-        self.lock.setToolTip(tr("Lock: noise and chance leave “{title}” as it is", title=title))
+        self.lock.setToolTip(tr("Lock: noise and Randomise leave “{title}” unchanged", title=title))
         self.lock.setAccessibleName(tr("Lock {title}", title=title))
         self.lock.setVisible(lock)
         icons.set(self.lock, "ph.lock-simple-open")

@@ -171,7 +171,7 @@ def test_a_hollow_avatar_is_refused(tmp_path):
     shell = trimesh.creation.icosphere(2, radius=3.0).vertices
     hollow = Avatar(shell, np.full(len(shell), 0.05), "mm", name="egg")
     assert hollow.field(np.zeros((1, 3)))[0] < 1 < hollow.field(shell[:1] * 1.01)[0]
-    with pytest.raises(ExportError, match=r"'egg' cannot be exported: it has 1 void"):
+    with pytest.raises(ExportError, match=r"'egg' cannot be exported: it encloses 1 void"):
         export(hollow, "stl", tmp_path / "out", cells=12)
     assert not any(tmp_path.iterdir())
 
@@ -237,7 +237,7 @@ def test_a_folder_with_other_files_is_refused_unless_allowed(avatar, tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     (tmp_path / "a.csv").write_text("in the way")
     before = everything_in(tmp_path)
-    with pytest.raises(ExportError, match="holds other files"):
+    with pytest.raises(ExportError, match="contains other files"):
         export(avatar, "metaball", tmp_path, names=["a"])
     assert everything_in(tmp_path) == before
     export(avatar, "metaball", tmp_path, names=["a"], overwrite=True)

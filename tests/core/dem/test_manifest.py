@@ -33,7 +33,7 @@ def folder(avatar, tmp_path):
         (("items", 0, "moments"), [1.0, 1.0, 9.0], "no solid body"),
         (("items", 0, "pose", "quaternion"), [1.0, 1.0, 0.0, 0.0], "not of length 1"),
         (("items", 0, "pose", "position"), [0.0, 0.0, float("inf")], "not finite"),
-        (("items", 0, "pose"), {}, "lacks"),
+        (("items", 0, "pose"), {}, "missing or invalid"),
         (("files",), {"../escape": "sha256:"}, "outside"),
     ],
 )

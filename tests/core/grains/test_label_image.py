@@ -72,7 +72,7 @@ def test_a_field_of_view_cuts_grains_off() -> None:
     [
         (lambda image: image[:5], "scan"),
         (lambda image: image * 0.5, "whole numbers"),
-        (lambda image: image * np.nan, "whole numbers"),
+        (lambda image: image * np.nan, "only NaN"),
         (lambda image: image.astype(int) - 1, "negative"),
         (lambda image: image * 0, "no grain"),
         (lambda image: image[0], "three axes"),

@@ -141,7 +141,7 @@ def test_fine_labels_of_as_many_voxels_are_not_taken_for_coarse_ones(
     scan = open_scan(tmp_path / "scan.nrrd", binning=2)
     z, y, x = scan.shape
     path = write(tmp_path / "labels.nrrd", labels[:z, :y, :x], STEPS)
-    with pytest.raises(SegmentationError, match="other voxels than the scan"):
+    with pytest.raises(SegmentationError, match="voxels that differ from the scan"):
         load_labels(path, scan)
 
 

@@ -278,7 +278,7 @@ def test_bad_voxels(tmp_path: Path) -> None:
     np.save(tmp_path / "holed.npy", holed)
     with pytest.raises(ScanError, match=r"constant\.npy is constant: every voxel is 7"):
         segment(open_scan(tmp_path / "constant.npy", "1 um"))
-    with pytest.raises(ScanError, match=r"holed\.npy holds voxels that are not finite"):
+    with pytest.raises(ScanError, match=r"holed\.npy contains voxels that are not finite"):
         segment(open_scan(tmp_path / "holed.npy", "1 um"))
 
 

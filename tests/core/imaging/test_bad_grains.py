@@ -17,7 +17,7 @@ BALL = ((np.indices((13, 13, 13)) - 6) ** 2).sum(axis=0) < 30
 @pytest.mark.parametrize("n", [0, -3, 2.5, float("nan"), float("inf"), "x", None, True])
 @pytest.mark.parametrize("method", ["fast", "paper"])
 def test_n_is_a_whole_number_from_one_on(n: object, method) -> None:
-    with pytest.raises(FitError, match=r"n = .* control points make no avatar of grain 'grain'"):
+    with pytest.raises(FitError, match=r"n = .* is not possible for grain 'grain'"):
         start_fit(Grain(BALL, UM), n, method)  # type: ignore[arg-type]
 
 

@@ -113,7 +113,7 @@ def test_one_point_says_nothing_of_where_forty_belong(grains: dict[str, Grain], 
     advance(run, 1000)
     run.change_control_points(40)
     step = next(run)
-    assert step.note.startswith("begins anew with 40")
+    assert step.note.startswith("restarts with 40")
     fresh = start_fit(grains["craggy"], 40, method, **OPTIONS[method])
     start = next(step for step in fresh if step.phase == "search")
     np.testing.assert_allclose(step.avatar.centers, start.avatar.centers)

@@ -170,7 +170,7 @@ def test_difficult_shapes_are_sound_or_say_why_not(shape, n: int) -> None:
     found = topology(result.avatar.control, cells=96)
     assert (found.pieces, found.voids) == (1, 0)
     assert result.verdict.valid == (not result.verdict.reasons)
-    assert result.verdict.valid or "n too small" in " ".join(result.verdict.reasons)
+    assert result.verdict.valid or "n is too small" in " ".join(result.verdict.reasons)
     if abs(result.verdict.volume_error) > 0.05:
         assert not result.verdict.valid
 

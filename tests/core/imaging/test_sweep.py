@@ -180,5 +180,5 @@ def test_what_is_no_table_of_a_sweep(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     if text == "\x00":
         path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FitError, match="no table of a sweep"):
+    with pytest.raises(FitError, match="not the table of a sweep"):
         read_sweep(path)

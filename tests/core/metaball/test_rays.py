@@ -78,7 +78,7 @@ def test_a_far_away_origin_costs_no_digits() -> None:
 def test_rays_that_are_none_are_refused() -> None:
     with pytest.raises(AvatarError, match="no length"):
         SPHERE.first_hits(np.zeros((1, 3)), np.zeros((1, 3)))
-    with pytest.raises(AvatarError, match="as many"):
+    with pytest.raises(AvatarError, match="the same number"):
         SPHERE.first_hits(np.zeros((2, 3)), np.ones((1, 3)))
     with pytest.raises(AvatarError, match="shortest_chord"):
         first_hits(np.zeros((1, 3)), np.ones((1, 3)), SPHERE.control, shortest_chord=0)

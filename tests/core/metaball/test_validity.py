@@ -63,7 +63,7 @@ def test_points_on_a_shell_enclose_a_void() -> None:
     verdict = check(Avatar(on_a_shell(), np.full(200, 0.0045), "mm"))
     assert (verdict.pieces, verdict.voids, verdict.valid) == (1, 1, False)
     assert "cavity" in verdict.reasons[0]
-    assert "n too small" in verdict.reasons[0]
+    assert "n is too small" in verdict.reasons[0]
 
 
 def test_points_on_a_shell_with_more_weight_are_solid() -> None:

@@ -121,7 +121,7 @@ def test_one_entry_has_intervals_and_is_found_quickly():
     [
         (Factor(name="csf", title="", meaning=""), "already"),
         (Factor(name="a b", title="", meaning=""), "cannot name"),
-        (Factor(name="new", title="", meaning="", derive=lambda colour: colour), "'colour', which is no fac"),
+        (Factor(name="new", title="", meaning="", derive=lambda colour: colour), "which is not a factor"),
         (Factor(name="new", title="", meaning="", derive=lambda roundness: roundness), "measured='detail'"),
         (
             Factor(name="new", title="", meaning="", derive=lambda krumbein: 1 - krumbein, quick=True),
@@ -132,7 +132,7 @@ def test_one_entry_has_intervals_and_is_found_quickly():
                 name="new", title="", meaning="", derive=lambda potticary_flatness: potticary_flatness,
                 quick=True,
             ),
-            "not found quickly",
+            "not a quick factor",
         ),
     ],
 )  # fmt: skip

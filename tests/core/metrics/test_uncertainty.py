@@ -99,7 +99,7 @@ def test_detailed_factors_have_intervals_too():
 
 def test_what_does_not_fit_is_refused():
     grain, grey, threshold = grey_picture(50.0)
-    with pytest.raises(MeasureError, match="belong together"):
+    with pytest.raises(MeasureError, match="or neither"):
         factor_intervals(grain, grey=grey)
     with pytest.raises(MeasureError, match="do not fit the mask"):
         factor_intervals(grain, grey=grey[1:], threshold=threshold)

@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 
+_WRITTEN_AS = {"is_met": "met"}
+"""Names in files of fields that are called otherwise by now."""
+
 
 def describe(value: Any) -> Any:
     """Return a record, mapping, table, array or number as JSON can hold it."""
     if is_dataclass(value):
-        return {field.name: describe(getattr(value, field.name)) for field in fields(value)}
+        return {
+            _WRITTEN_AS.get(field.name, field.name): describe(getattr(value, field.name))
+            for field in fields(value)
+        }
     if isinstance(value, Mapping):
         return {str(key): describe(item) for key, item in value.items()}
     if hasattr(value, "to_dict") and hasattr(value, "columns"):

@@ -116,14 +116,14 @@ def test_damaged_labels_are_noticed(tmp_path, state):
 def test_what_is_not_hdf5_is_named(tmp_path, content):
     path = tmp_path / "notes.mbs"
     path.write_bytes(content)
-    with pytest.raises(ProjectError, match=r"notes\.mbs is no project file"):
+    with pytest.raises(ProjectError, match=r"notes\.mbs is not an mbstudio project"):
         read_project(path)
 
 
 def test_another_programs_hdf5_is_named(tmp_path):
     with h5py.File(tmp_path / "other.mbs", "w") as file:
         file["x"] = [1]
-    with pytest.raises(ProjectError, match=r"other\.mbs is an HDF5 file, but no project"):
+    with pytest.raises(ProjectError, match=r"other\.mbs is an HDF5 file, but not an mbstudio project"):
         read_project(tmp_path / "other.mbs")
 
 
@@ -148,7 +148,7 @@ def test_a_missing_part_is_named(tmp_path, state, missing, edit_project):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ProjectError, match=r"nowhere\.mbs is not there"):
+    with pytest.raises(ProjectError, match=r"nowhere\.mbs does not exist"):
         read_project(tmp_path / "nowhere.mbs")
 
 

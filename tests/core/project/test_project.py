@@ -85,7 +85,7 @@ def test_a_project_opens_without_its_scan(tmp_path, scan, state):
 
     opened = Project.open(tmp_path / "sand.mbs")
     assert len(opened.grains) == 2
-    with pytest.raises(ScanError, match=r"scan\.tif is not there.*relocate_scan"):
+    with pytest.raises(ScanError, match=r"scan\.tif does not exist.*relocate_scan"):
         _ = opened.scan
     opened.relocate_scan(elsewhere)
     np.testing.assert_array_equal(opened.scan.load(), voxels)

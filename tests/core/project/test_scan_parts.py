@@ -64,7 +64,7 @@ def test_a_part_that_moved_is_found_and_another_file_is_not_taken_for_it(
     Project.new(open_scan(path, SIZE, crop="2:8")).save(tmp_path / "project.mbs")
     path.rename(tmp_path / "moved.tif")
     project = Project.open(tmp_path / "project.mbs")
-    with pytest.raises(ScanError, match="not there"):
+    with pytest.raises(ScanError, match="does not exist"):
         project.scan
     assert project.relocate_scan(tmp_path / "moved.tif").shape == (6, 11, 13)
     # The format of the file does not matter, nor where in it the voxels begin.

@@ -191,7 +191,7 @@ NEVER_WRITTEN = [
 def test_what_mbstudio_never_writes_is_refused(path, edit_project, make, told):
     with edit_project(path) as file:
         make(file)
-    with pytest.raises(ProjectError, match=rf"sand\.mbs is no project file.*{told}"):
+    with pytest.raises(ProjectError, match=rf"sand\.mbs is not an mbstudio project.*{told}"):
         read_project(path)
 
 
@@ -311,7 +311,7 @@ def test_a_bomb_takes_no_memory(path, edit_project):
         made = file.create_dataset("fits/centers", (1000, 3), "f8", chunks=(1000, 3), compression="gzip")
         made.id.write_direct_chunk((0, 0), bomb)
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    with pytest.raises(ProjectError, match=r"sand\.mbs is no project file"):
+    with pytest.raises(ProjectError, match=r"sand\.mbs is not an mbstudio project"):
         read_project(path)
     after = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     assert after <= max(before, 2**20)  # KiB

@@ -130,7 +130,7 @@ def test_what_is_no_volume(tmp_path: Path, volume: np.ndarray) -> None:
         open_scan(tmp_path / "s.h5", "10 um")
     with h5py.File(tmp_path / "t.h5", "w") as file:
         file["table"] = np.zeros((5, 6))
-    with pytest.raises(ScanError, match="no array of three axes"):
+    with pytest.raises(ScanError, match="no array with three axes"):
         open_scan(tmp_path / "t.h5", "10 um")
     with h5py.File(tmp_path / "u.h5", "w") as file:
         file.create_dataset("data", volume.shape, "u2", chunks=True)

@@ -87,7 +87,7 @@ def test_a_grey_palette_shows_greys_and_a_coloured_one_nothing(tmp_path: Path, v
     fire = inverse.copy()
     fire[1] //= 2
     tifffile.imwrite(tmp_path / "fire.tif", volume, photometric="palette", colormap=fire)
-    with pytest.raises(ScanError, match=r"fire\.tif.*colours of a palette"):
+    with pytest.raises(ScanError, match=r"fire\.tif.*colour palette"):
         opened(tmp_path / "fire.tif")
     folder = tmp_path / "slices"
     folder.mkdir()
@@ -109,7 +109,7 @@ def test_grey_in_colours_is_grey(tmp_path: Path, volume: np.ndarray, planes: str
     layers[1] = layers[1] ^ 1
     tifffile.imwrite(tmp_path / "c.tif", np.stack(layers, axis), photometric="rgb", planarconfig=planes,
                      extrasamples=["unassalpha"] if alpha else None)  # fmt: skip
-    with pytest.raises(ScanError, match=r"c\.tif holds colour images"):
+    with pytest.raises(ScanError, match=r"c\.tif contains colour images"):
         opened(tmp_path / "c.tif")
 
 
@@ -150,7 +150,7 @@ def test_a_preview_behind_the_stack_is_left_out_and_told(tmp_path: Path, volume:
         for image in volume:
             writer.write(image, contiguous=False, metadata=None)
         writer.write(volume[0, :3, :3], metadata=None)
-    with pytest.warns(ScanWarning, match=r"s\.tif holds other images beside the stack.*3 x 3"):
+    with pytest.warns(ScanWarning, match=r"s\.tif contains other images besides the stack.*3 x 3"):
         np.testing.assert_array_equal(opened(tmp_path / "s.tif"), volume)
 
 
@@ -173,7 +173,7 @@ def test_frames_with_an_interval_are_a_time_series(tmp_path: Path, volume: np.nd
 def test_channels_of_a_hyperstack_are_refused(tmp_path: Path, volume: np.ndarray) -> None:
     stack = np.stack([volume, volume], axis=1)
     tifffile.imwrite(tmp_path / "c.tif", stack, imagej=True, metadata={"axes": "ZCYX", "mode": "composite"})
-    with pytest.raises(ScanError, match=r"c\.tif holds more than one volume"):
+    with pytest.raises(ScanError, match=r"c\.tif contains more than one volume"):
         opened(tmp_path / "c.tif")
 
 

@@ -114,7 +114,7 @@ def test_resolution_tags_in_centimetres(tmp_path: Path, volume: np.ndarray) -> N
     tifffile.imwrite(
         path, volume, resolution=(10_000 / 14, 10_000 / 14), resolutionunit="CENTIMETER", metadata=None
     )
-    with pytest.warns(ScanWarning, match="how far its slices are apart"):
+    with pytest.warns(ScanWarning, match="slice spacing"):
         scan = open_scan(path)
     assert scan.voxel_size.zyx == pytest.approx((14, 14, 14), rel=1e-6)
     assert scan.unit == "um"
@@ -139,7 +139,7 @@ def test_the_callers_voxel_size_overrides_the_file(tmp_path: Path, volume: np.nd
     )
     assert open_scan(path, "3 x 2 x 1 mm").voxel_size.zyx == (3, 2, 1)
     assert open_scan(path, 50, unit="nm").unit == "nm"
-    with pytest.warns(ScanWarning, match="5 nm.*is the unit right"):
+    with pytest.warns(ScanWarning, match="5 nm.*check the unit"):
         assert open_scan(path, 5, unit="nm").unit == "nm"
 
 

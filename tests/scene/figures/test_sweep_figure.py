@@ -66,14 +66,14 @@ def test_it_is_written_by_its_ending(tmp_path):
     save_sweep_figure(tmp_path / "a.SVG", rows())
     assert imageio.imread(tmp_path / "a.png").std() > 5
     assert ElementTree.parse(tmp_path / "a.SVG").getroot().tag.endswith("svg")
-    with pytest.raises(FitError, match="no ending of a figure"):
+    with pytest.raises(FitError, match="not have the ending of a figure"):
         save_sweep_figure(tmp_path / "a.xyz", rows())
 
 
 def test_factors_that_are_unknown_leave_their_panel_empty():
     figure = sweep_figure([SweepRow(1, "a", 10, "fast", 0, loss=0.1)])
     assert [bool(axes.lines) for axes in figure.axes] == [True] + 7 * [False]
-    with pytest.raises(FitError, match="no fit to be drawn"):
+    with pytest.raises(FitError, match="no fit to draw"):
         sweep_figure([SweepRow(1, "a", 10, "fast", 0, error="too small")])
 
 

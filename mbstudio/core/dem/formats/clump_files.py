@@ -27,7 +27,7 @@ OPTIONS = MappingProxyType(
         "spheres": Option(40, "spheres in each clump", 2, 2000),
         CLUMP_GOAL: Option(
             "",
-            "what each clump is to reach, in place of a number of spheres: iou 0.95, hausdorff 3 %, "
+            "goal of each clump, instead of a number of spheres: iou 0.95, hausdorff 3 %, "
             "volume 1 %, inertia 1 %, joined by 'and'; 'and n 200' sets the most spheres",
         ),
     }
@@ -103,7 +103,7 @@ def check_sphere_table(path: Path, item: Mapping[str, Any], header: str = "") ->
     if header:
         if lines[:1] != [header]:
             said = lines[0] if lines else ""
-            raise ExportError(f"{path} has the header '{said}' in place of '{header}'.")
+            raise ExportError(f"{path} has the header '{said}' instead of '{header}'.")
         lines = lines[1:]
     check_spheres(path, number_rows(path, lines, 4, ","), item)
 
@@ -135,4 +135,4 @@ def check_spheres(
     smallest, largest = rows[:, 3].min(), rows[:, 3].max()
     stated = item["details"]["smallest_radius"], item["details"]["largest_radius"]
     if not 0.4 * size < reach < 20 * size or not np.allclose((smallest, largest), stated, rtol=tolerance):
-        raise ExportError(f"{path} holds spheres of another size than the manifest says.")
+        raise ExportError(f"{path} has spheres whose size differs from the manifest.")

@@ -140,9 +140,9 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
         try:
             scaled = Avatar(rows[:, :3], rows[:, 3], manifest["unit"], name=item["name"])
         except AvatarError as error:
-            raise ExportError(f"{path} holds no metaball: {error}") from error
+            raise ExportError(f"{path} does not contain a metaball: {error}") from error
         if scaled.n != item["details"]["control_points"]:
-            raise ExportError(f"{path} has another number of control points than the manifest.")
+            raise ExportError(f"The number of control points in {path} differs from the manifest.")
         check_body(path, scaled.scaled(1 / item["details"]["scale"]), item)
         body = _call(0, item["name"], scaled).partition("    d->AddMetaball")[0]
         if body not in calls:
@@ -160,6 +160,6 @@ TARGET = Target(
     write=write,
     validate=validate,
     options=MappingProxyType(
-        {"scaled": Option(True, "scale all avatars together to what suits ComFluSoM's search")}
+        {"scaled": Option(True, "scale all avatars together so that ComFluSoM's search converges")}
     ),
 )

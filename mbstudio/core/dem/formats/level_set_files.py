@@ -88,7 +88,7 @@ def read_level_set(path: Path) -> dict[str, np.ndarray]:
         if name not in found:
             raise ExportError(f"{path} lacks '{name}'.")
         if found[name].ndim != dimensions or not np.isfinite(found[name]).all():
-            raise ExportError(f"{path} has a '{name}' of another shape, or that is not finite.")
+            raise ExportError(f"'{name}' in {path} has the wrong shape or is not finite.")
     return found
 
 
@@ -105,15 +105,15 @@ def check_level_set_file(path: Path, item: Mapping[str, Any], unit: str) -> None
     metres = METRES_PER_UNIT[unit]
     grid = LevelSet(found["grid"], found["origin"], float(found["spacing"]), unit)
     if list(grid.values.shape) != item["details"]["nodes"]:
-        raise ExportError(f"{path} has another number of nodes than the manifest says.")
+        raise ExportError(f"The number of nodes in {path} differs from the manifest.")
     check_level_set(str(path), grid, item["volume"])
     stated = [float(found["mass"]), float(found["volume"]), *(found["moments"] * metres**2)]
     if not np.allclose(stated, [item["mass"], item["volume"], *item["moments"]], rtol=1e-9, atol=0):
-        raise ExportError(f"{path} has another mass, volume or moments than the manifest.")
+        raise ExportError(f"Mass, volume or moments in {path} differ from the manifest.")
     check_moments(item["name"], stated[0], stated[2:])
     shell = found["shell"]
     if shell.shape[1:] != (3,) or len(shell) != item["details"]["shell_points"]:
-        raise ExportError(f"{path} has another number of contact points than the manifest.")
+        raise ExportError(f"The number of contact points in {path} differs from the manifest.")
     place = (shell - grid.origin) / grid.spacing
     inside = ((place >= 0) & (place <= np.array(grid.values.shape) - 1)).all()
     nearest = tuple(np.rint(place).astype(int).T) if inside else None

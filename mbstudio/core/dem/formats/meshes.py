@@ -42,7 +42,7 @@ OPTIONS = MappingProxyType(
     }
 )
 ACCEPTED_ANGLE = 1.0
-"""Engines refuse slivers; LIGGGHTS draws the line at 0.256 degrees."""
+"""Engines reject slivers; LIGGGHTS draws the line at 0.256 degrees."""
 
 
 WriteMesh = Callable[["trimesh.Trimesh", Path, Mapping[str, Any]], None]
@@ -172,5 +172,5 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     except Exception as error:  # trimesh raises whatever its parsers meet
         raise ExportError(f"{path} cannot be read back ({error}).") from error
     if not isinstance(mesh, trimesh.Trimesh):
-        raise ExportError(f"{path} holds no single mesh.")
+        raise ExportError(f"{path} does not contain exactly one mesh.")
     return mesh

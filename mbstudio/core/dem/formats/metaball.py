@@ -99,11 +99,9 @@ def read_metaball(path: str | Path, *, frame: Literal["source", "principal"] = "
         w, x, y, z = (float(part) for part in record["pose"]["quaternion"])
         name, label = str(record["name"]), record["label"]
     except (KeyError, TypeError, ValueError) as error:
-        raise ExportError(
-            f"{path.with_suffix('.json')} lacks {error} or holds something else there."
-        ) from error
+        raise ExportError(f"{path.with_suffix('.json')} has a missing or invalid entry {error}.") from error
     if abs(np.linalg.norm([w, x, y, z]) - 1) > 1e-6 or not is_finite(position):
-        raise ExportError(f"{path.with_suffix('.json')} has a pose that is no rotation and position.")
+        raise ExportError(f"{path.with_suffix('.json')} has a pose that is not a rotation and a position.")
     if path.suffix.lower() == ".csv":
         table = read_table(path)
         centers, weights = table[:, :3], table[:, 3]
@@ -112,7 +110,7 @@ def read_metaball(path: str | Path, *, frame: Literal["source", "principal"] = "
     try:
         return Avatar(centers, weights, unit, label=label, name=name)
     except AvatarError as error:
-        raise ExportError(f"{path} holds no metaball: {error}") from error
+        raise ExportError(f"{path} does not contain a metaball: {error}") from error
 
 
 def _read_record(path: Path) -> dict[str, Any]:
@@ -135,7 +133,7 @@ def read_table(path: Path) -> Float[np.ndarray, "n 4"]:
     except (OSError, ValueError) as error:
         raise ExportError(f"{path} cannot be read ({error}).") from error
     if header != _HEADER:
-        raise ExportError(f"{path} has the header '{header}' in place of '{_HEADER}'.")
+        raise ExportError(f"{path} has the header '{header}' instead of '{_HEADER}'.")
     if table.ndim != 2 or table.shape[1] != 4 or not np.isfinite(table).all() or table[:, 3].min() <= 0:
         raise ExportError(f"{path} must have rows of four finite numbers x, y, z, k with k > 0.")
     return table

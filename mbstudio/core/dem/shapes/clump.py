@@ -102,7 +102,7 @@ def sphere_clump(avatar: Avatar, spheres: int = 40, *, seed: int = 0) -> Clump:
         If the avatar is in several pieces.
     """
     if spheres < 2:
-        raise ExportError(f"A clump of {spheres} spheres is none: ask for at least 2.")
+        raise ExportError(f"A clump needs at least 2 spheres, not {spheres}.")
     task = ClumpTask.from_avatar(avatar, np.random.default_rng(seed))
     centers, radii = _greedy_start(task, spheres)
     centers, radii = _meet_surfaces(task, centers, radii)

@@ -74,7 +74,7 @@ class FoundClump:
             return ""
         missed = self.goal.describe(self.values, only_missed=True)
         return (
-            f"The target '{self.goal}' was not reached with {self.goal.most} spheres: the best clump, of "
+            f"The goal '{self.goal}' was not reached with {self.goal.most} spheres: the best clump, of "
             f"{len(self.clump.radii)}, has {missed}. Allow more ('... and n {2 * self.goal.most}'), "
             "or ask for less."
         )

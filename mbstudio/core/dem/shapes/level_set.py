@@ -85,9 +85,7 @@ def level_set(avatar: Avatar, cells: int = 32, padding: int = 3) -> LevelSet:
         If the avatar is in several pieces.
     """
     if cells < 4 or padding < 1:
-        raise ExportError(
-            f"A grid of {cells} cells with {padding} around it holds no grain: give at least 4 and 1."
-        )
+        raise ExportError(f"The grid needs at least 4 cells and a padding of 1, not {cells} and {padding}.")
     vertices = avatar_surface(avatar).fine[0]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     spacing = float((high - low).max()) / cells
@@ -119,18 +117,18 @@ def check_level_set(what: str, grid: LevelSet, volume: float) -> None:
     """
     values = np.asarray(grid.values, dtype=float)
     if values.ndim != 3 or min(values.shape) < 5:
-        raise ExportError(f"{what} is no grid of three axes.")
+        raise ExportError(f"{what} is not a grid with three axes.")
     if not (np.isfinite(values).all() and np.isfinite(grid.origin).all()) or not grid.spacing > 0:
         raise ExportError(f"{what} has numbers that are not finite, or no spacing.")
     if not (values < 0).any():
-        raise ExportError(f"{what} has no node inside: distances inside must be negative.")
+        raise ExportError(f"{what} has no node inside the grain: distances inside must be negative.")
     border = np.ones(values.shape, dtype=bool)
     border[1:-1, 1:-1, 1:-1] = False
     if values[border].min() < 0.5 * grid.spacing:
         raise ExportError(f"{what} is cropped: the grain reaches the border of the grid. Give more padding.")
     steepest = max(float(np.abs(np.diff(values, axis=axis)).max()) for axis in range(3))
     if steepest > _STEEPEST * grid.spacing:
-        raise ExportError(f"{what} holds no distances: neighbours differ by more than they are apart.")
+        raise ExportError(f"{what} does not hold distances: neighbours differ by more than their spacing.")
     if abs(grid.volume / volume - 1) > _VOLUME:
         raise ExportError(
             f"{what} has a volume of {grid.volume:g}, the avatar {volume:g}: give more 'cells'."

@@ -54,9 +54,9 @@ class SpecimenPlan:
 
     def __post_init__(self) -> None:
         if self.count < 1:
-            raise ExportError(f"A specimen of {self.count} particles is none: give at least 1.")
+            raise ExportError(f"A specimen needs at least 1 particle, not {self.count}.")
         if self.width is not None and not (np.isfinite(self.width) and self.width > 0):
-            raise ExportError(f"A box of width {self.width} is impossible: give a positive number.")
+            raise ExportError(f"The width of the box must be positive, not {self.width}.")
 
 
 def target_curve(
@@ -83,7 +83,7 @@ def target_curve(
     """
     x, y = np.asarray(sizes, dtype=float), np.asarray(finer, dtype=float)
     if x.ndim != 1 or x.shape != y.shape or len(x) < 2 or not np.isfinite([x, y]).all():
-        raise ExportError("A size distribution needs at least two sizes, each with its percent finer.")
+        raise ExportError("A size distribution needs at least two sizes, each with its percentage finer.")
     if x[0] <= 0 or (np.diff(x) <= 0).any() or (np.diff(y) < 0).any():
         raise ExportError(
             "The sizes of a distribution must be positive and rise; the percentages must not fall."
@@ -228,9 +228,7 @@ def _reach(avatar: Avatar) -> float:
 def _shares_of(names: Sequence[str], shares: Mapping[str, float]) -> Float[np.ndarray, " kinds"]:
     unknown = sorted(set(shares) - set(names))
     if unknown:
-        raise ExportError(
-            f"There is no avatar '{unknown[0]}' to take a share of; there are {', '.join(names)}."
-        )
+        raise ExportError(f"There is no avatar '{unknown[0]}' for a share: use one of {', '.join(names)}.")
     values = np.array([shares.get(name, 0.0) if shares else 1.0 for name in names], dtype=float)
     if not np.isfinite(values).all() or values.min() < 0 or values.sum() <= 0:
         raise ExportError("The shares of the avatars must be positive numbers, or zero, but not all.")

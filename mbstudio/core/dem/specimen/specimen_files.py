@@ -58,7 +58,7 @@ def check_specimen(folder: Path, manifest: Mapping[str, Any]) -> None:
     path, said = folder / FILE_NAME, manifest["specimen"]
     header, *lines = read_text(path).splitlines() or [""]
     if header != _HEADER:
-        raise ExportError(f"{path} has the header '{header}' in place of '{_HEADER}'.")
+        raise ExportError(f"{path} has the header '{header}' instead of '{_HEADER}'.")
     names = [line.partition(",")[0] for line in lines]
     rows = number_rows(path, [line.partition(",")[2] for line in lines], 9, ",")
     found = {name: names.count(name) for name in said["numbers"]}
@@ -74,4 +74,4 @@ def check_specimen(folder: Path, manifest: Mapping[str, Any]) -> None:
     volumes = {item["name"]: item["volume"] for item in manifest["items"]}
     volume = sum(volumes[name] * scale**3 for name, scale in zip(names, rows[:, 0], strict=True))
     if abs(volume / said["solid_volume"] - 1) > 1e-9:
-        raise ExportError(f"{path} has particles of another volume than the manifest says.")
+        raise ExportError(f"{path} has particles whose volume differs from the manifest.")

@@ -63,7 +63,7 @@ class Descent:
         moved = max(1, round(self._share * self._search.control.shape[1]))
         relocate(self._search, moved, self._rng)
         self._relocations -= 1
-        return f"{moved} control points moved to where the surface was farthest off"
+        return f"{moved} control points moved to where the surface was worst"
 
     def is_over(self, step: int, rms: float, *, advanced: bool) -> bool:
         """Return whether the descent ends after a step (from 1), given whether it found something lower."""

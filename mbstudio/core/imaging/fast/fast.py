@@ -166,7 +166,7 @@ class FastFit(StepRun):
         for fewer in () if self._is_hopeless() else (number for number in numbers if 1 <= number <= self.n):
             self._begin(self._place_control_points(self._require_spheres(fewer)), cautious)
             number = "" if fewer == self.n else f" with {fewer} control points"
-            yield self._step(last, f"begins anew{number}, more cautiously: the avatar was not sound")
+            yield self._step(last, f"restarts{number} with smaller steps: the avatar was not valid")
             yield from self._descend(self.options.generations, last)
             candidates.append(self._candidate())
             if not self._is_content(candidates[-1]):
@@ -200,7 +200,7 @@ class FastFit(StepRun):
             key=lambda candidate: (abs(candidate.found.genus - wanted), candidate.score),
         )
         if best is not candidates[-1] or not self._look().is_sound:
-            why = "other handles than the grain's: to mend them would cost too much truth"
+            why = "handles differ from the grain's: removing them would cost too much accuracy"
             yield self._fall_back_on(best, last, why)
             self._found = best.found
 

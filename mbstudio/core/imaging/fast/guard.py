@@ -51,7 +51,7 @@ def is_sound(found: Topology, prepared: PreparedGrain) -> bool:
 
 def make_candidate(search: Refinement, found: Topology) -> Candidate:
     """Return the avatar of a search, made sound by force where it is not, scored by its errors."""
-    note = "the soundest avatar so far"
+    note = "the best valid avatar so far"
     if not is_sound(found, search.prepared):
         control, found, note = force_sound(search.control, search.prepared)
         search = Refinement(search.prepared, control)
@@ -60,7 +60,16 @@ def make_candidate(search: Refinement, found: Topology) -> Candidate:
     return Candidate(search.control.copy(), found, score, note)
 
 
-def find_wrongly_empty(
+def hold_empty_places(search: Refinement, round_number: int, rng: np.random.Generator) -> int:
+    """Hold points of the grain that its avatar leaves empty, damp the search, return how many there are."""
+    empty, depths = _find_wrongly_empty(search.control, search.prepared, rng)
+    if len(empty):
+        search.hold_points(empty, depths, weight=2.0 * (1 + round_number))
+    search.damping = max(search.damping, 0.1)
+    return len(empty)
+
+
+def _find_wrongly_empty(
     control: Float64[np.ndarray, "4 n"], prepared: PreparedGrain, rng: np.random.Generator
 ) -> tuple[Float64[np.ndarray, "p 3"], Float64[np.ndarray, "p"]]:
     """Return points (and depths) inside the grain where f < 1: at most 600, the deepest surely among them."""
@@ -89,11 +98,9 @@ def repair(search: Refinement, found: Topology, round_number: int, rng: np.rando
         if 0 < stray.sum() <= max(1, len(stray) // 5):
             search.set_control(search.control[:, ~stray])
             notes.append(f"{int(stray.sum())} control point(s) of islands dropped")
-    empty, depths = find_wrongly_empty(search.control, search.prepared, rng)
-    if len(empty):
-        search.hold_points(empty, depths, weight=2.0 * (1 + round_number))
-        notes.append(f"{len(empty)} empty places inside the grain to be filled")
-    search.damping = max(search.damping, 0.1)
+    empty = hold_empty_places(search, round_number, rng)
+    if empty:
+        notes.append(f"{empty} empty places inside the grain to fill")
     return ", ".join(notes)
 
 
@@ -110,10 +117,10 @@ def mend_handles(search: Refinement, round_number: int) -> str:
         radius = 0.5 * np.maximum(search.depth_of(plugs), search.prepared.voxel)
         control = without_the_least_useful(search, plugs.shape[1])
         search.set_control(np.hstack([control, np.vstack([plugs, radius**2])]))
-        notes.append(f"{plugs.shape[1]} control point(s) moved into holes that the grain has not")
+        notes.append(f"{plugs.shape[1]} control point(s) moved into holes that the grain does not have")
     for points, filled, told in (
-        (errors.holes, True, "in holes that the grain has not to be filled"),
-        (errors.bridges, False, "on bridges that the grain has not to be left empty"),
+        (errors.holes, True, "to fill in holes that the grain does not have"),
+        (errors.bridges, False, "to clear on bridges that the grain does not have"),
     ):
         if len(points):
             depth = np.maximum(np.abs(search.depth_of(points.T)), _LEAST_MARGIN)

@@ -61,7 +61,9 @@ def _solve(
         if solve_damped(matrix, damping, force, factor, step):
             return factor, step, damping
         damping = 10 * damping
-    raise FitError("The search's equations cannot be solved: are control points or voxels not finite?")
+    raise FitError(
+        "The equations of the search cannot be solved: check that control points and voxels are finite."
+    )
 
 
 def relocate(search: Refinement, count: int, rng: np.random.Generator) -> None:

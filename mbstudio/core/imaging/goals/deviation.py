@@ -62,7 +62,7 @@ def deviation(
     """
     vertices, faces = surface
     if not len(faces) or not len(reference[1]):
-        raise ValueError("A deviation needs two surfaces of at least one triangle.")
+        raise ValueError("A deviation needs two surfaces with at least one triangle each.")
     distances = signed_distances(np.asarray(vertices, dtype=float), reference)
     corners = np.asarray(vertices, dtype=float)[faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2

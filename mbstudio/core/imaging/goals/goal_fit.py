@@ -112,7 +112,7 @@ class GoalFit:
     # ---- the search ----------------------------------------------------------------------------
 
     def _all_steps(self) -> Iterator[SearchStep]:
-        before = f"target {self.goal}"
+        before = f"goal {self.goal}"
         while (n := self._numbers.choose_next()) is not None:
             try:
                 run = self._new_run(n)
@@ -130,7 +130,7 @@ class GoalFit:
                 continue
             tried = self._judge_run(run)
             self._numbers.record(n, will_do=tried.is_met)
-            before = f"n = {n} {'reached' if tried.is_met else 'missed'} the target: {self._describe(tried)}"
+            before = f"n = {n} {'reached' if tried.is_met else 'missed'} the goal: {self._describe(tried)}"
             if tried.is_better_than(self._best):
                 self._best = tried
         if self._best is None and self._failure is not None:
@@ -176,7 +176,7 @@ class GoalFit:
         if self._best is not None and now is self._best.run:
             values = dict(self._best.values)
         found = replace(result, target=str(self.goal), reached=values)
-        return _warned(found, f"The search for the target '{self.goal}' was stopped before it was reached.")
+        return _warned(found, f"The search was stopped before the goal '{self.goal}' was reached.")
 
     def _explain_miss(self, best: _Tried) -> str:
         """Return in words that the goal was not reached, and why."""
@@ -185,18 +185,18 @@ class GoalFit:
         if not result.verdict.valid:
             faults.append("is not valid")
         told = (
-            f"The target '{self.goal}' was not reached: the best avatar, of n = {result.n}, "
+            f"The goal '{self.goal}' was not reached: the best avatar, of n = {result.n}, "
             f"{' and '.join(faults)}. "
         )
         if self._held is not None:
-            told += f"Its {self.grain.voxel_count} voxels hold {self._held} control points at most"
-            cure = "Scan finer, or ask for less."
+            told += f"Its {self.grain.voxel_count} voxels hold at most {self._held} control points"
+            cure = "Scan with smaller voxels, or ask for less."
         else:
             told += f"More than {self.goal.most} control points were not allowed"
             cure = f"Allow more ('... and n {2 * self.goal.most}'), or ask for less."
         share = max(self.grain.voxel_size.xyz) / self.grain.nominal_diameter
         if any(aim.measure in ("hausdorff", "rms") and aim.limit < share for aim in self.goal.aims):
-            told += f"; a voxel is {100 * share:.2g} % of D_n, and finer shape is not in the scan"
+            told += f"; a voxel is {100 * share:.2g} % of D_n, so the scan does not resolve finer shape"
         return f"{told}. {cure}"
 
 

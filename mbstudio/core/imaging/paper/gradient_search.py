@@ -127,7 +127,7 @@ class PaperOptions(OptionRecord, owner="method 'paper'", error=FitError):
         if self.zeroed == "closed" and self.clustering == "incremental":
             # The lowered transform knows spheres, not voxels.
             raise FitError(
-                "zeroed = 'closed' does not suit method 'paper' with clustering = 'incremental': "
+                "zeroed = 'closed' cannot be combined with clustering = 'incremental' in method 'paper': "
                 "use clustering = 'letter'."
             )
 

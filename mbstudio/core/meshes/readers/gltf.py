@@ -49,7 +49,7 @@ class _Scene:
                 f"{source} is damaged or no glTF file: its JSON cannot be read ({error}): export it again."
             ) from error
         if not isinstance(self._json, dict):
-            raise MeshError(f"{source} is no glTF file: its JSON is no object: export it again.")
+            raise MeshError(f"{source} is not a glTF file: its JSON is not an object. Export it again.")
         version = str(self._json.get("asset", {}).get("version", "2.0"))
         if version.partition(".")[0] != "2":
             raise MeshError(f"{source} is glTF {version}: export it as glTF 2.0.")
@@ -66,7 +66,7 @@ class _Scene:
         if version != 2:
             raise MeshError(f"{self._source} is GLB {version}: export it as glTF 2.0.")
         if length > len(data):
-            raise self._damaged(f"its header promises {length:,} bytes, but it has {len(data):,}")
+            raise self._damaged(f"its header states {length:,} bytes, but it has {len(data):,}")
         at, text = 12, None
         while at + 8 <= length:
             size, kind = struct.unpack_from("<II", data, at)
@@ -78,7 +78,7 @@ class _Scene:
             elif kind == _BINARY and self._binary is None:
                 self._binary = chunk
         if text is None:
-            raise self._damaged("it holds no JSON")
+            raise self._damaged("it contains no JSON")
         return text
 
     def _damaged(self, why: str) -> MeshError:
@@ -106,7 +106,7 @@ class _Scene:
         node = self._json["nodes"][number]
         self._placed += 1
         if depth > _DEEPEST or self._placed > _MOST_PLACED:
-            raise self._damaged("its nodes hold each other without end")
+            raise self._damaged("its nodes contain each other in a circle")
         here = matrix @ _matrix_of(node)
         if "mesh" in node:
             self._add_mesh(node["mesh"], here)
@@ -193,7 +193,7 @@ class _Scene:
                 try:
                     self._buffers[number] = base64.b64decode(str(uri).partition(",")[2], validate=True)
                 except ValueError as error:
-                    raise self._damaged("a buffer within it is no base64") from error
+                    raise self._damaged("an embedded buffer is not valid base64") from error
             else:
                 self._buffers[number] = self._sidecar(str(uri))
         return self._buffers[number]

@@ -59,7 +59,8 @@ def _corners(words: list[bytes], count: int, number: int, source: str) -> list[i
             ) from None
         if row == 0:
             raise MeshError(
-                f"{source} is damaged: line {number} names vertex 0, but OBJ counts from 1: export it again."
+                f"{source} is damaged: line {number} refers to vertex 0, but OBJ counts from 1: export it "
+                "again."
             )
         found.append(row - 1 if row > 0 else count + row)
     return found

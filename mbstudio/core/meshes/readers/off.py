@@ -29,11 +29,11 @@ def read_off(data: bytes, source: str) -> MeshData:
     lines = [words for words in lines if words]
     head = _HEADER.match(lines[0][0]) if lines else None
     if head is None or head.end() != len(lines[0][0]):
-        raise MeshError(f"{source} is no OFF file: it does not begin with the word OFF.")
+        raise MeshError(f"{source} is not an OFF file: it does not begin with the word OFF.")
     if lines[0][1:2] == [b"BINARY"]:
         raise MeshError(f"{source} is a binary OFF file, which is not read: export it as text, or as PLY.")
     if head[4] or head[5]:
-        raise MeshError(f"{source} holds points of other than three dimensions: export it as plain OFF.")
+        raise MeshError(f"{source} contains points that are not three-dimensional: export it as plain OFF.")
     lines = ([lines[0][1:]] if len(lines[0]) > 1 else []) + lines[1:]
     try:
         vertex_count, face_count = int(lines[0][0]), int(lines[0][1])
@@ -44,8 +44,8 @@ def read_off(data: bytes, source: str) -> MeshData:
     rows = lines[1:]
     if min(vertex_count, face_count) < 0 or len(rows) < vertex_count + face_count:
         raise MeshError(
-            f"{source} is damaged: it promises {vertex_count:,} vertices and {face_count:,} faces, but holds "
-            f"{len(rows):,} lines of them: copy or export it again."
+            f"{source} is damaged: it states {vertex_count:,} vertices and {face_count:,} faces, but "
+            f"contains {len(rows):,} lines of them: copy or export it again."
         )
     points, rings = rows[:vertex_count], rows[vertex_count : vertex_count + face_count]
     if any(len(words) < 3 for words in points):
@@ -54,7 +54,7 @@ def read_off(data: bytes, source: str) -> MeshData:
     vertices = vertices.reshape(-1, 3)
     sizes = [int(words[0]) for words in rings]
     if any(size < 0 or len(words) <= size for size, words in zip(sizes, rings, strict=True)):
-        raise MeshError(f"{source} is damaged: a face names fewer corners than it promises: export it again.")
+        raise MeshError(f"{source} is damaged: a face has fewer vertices than it states. Export it again.")
     corners = [int(word) for size, words in zip(sizes, rings, strict=True) for word in words[1 : 1 + size]]
     faces, _ = triangulate(vertices, np.array(sizes, np.int64), np.array(corners, np.int64), source)
     return MeshData(vertices, faces)

@@ -60,7 +60,7 @@ def read_ply(data: bytes, source: str) -> MeshData:
     order, elements, body = _read_header(data, source)
     tables = _read_text(body, elements, source) if not order else _read_binary(body, elements, order, source)
     if "vertex" not in tables:
-        raise MeshError(f"{source} holds no vertices: export it again.")
+        raise MeshError(f"{source} contains no vertices: export it again.")
     vertex = next(element for element in elements if element.name == "vertex")
     places = [vertex.place(axis) for axis in "xyz"]
     if min(places) < 0:
@@ -73,7 +73,7 @@ def read_ply(data: bytes, source: str) -> MeshData:
             continue
         column = tables[element.name][place]
         if column.sizes is None:
-            raise MeshError(f"{source} has faces whose corners are no list: export it again.")
+            raise MeshError(f"{source} has faces whose vertices are not a list: export it again.")
         if element.name == "face":
             sizes.append(column.sizes)
             corners.append(_vertex_numbers(column.values, source))
@@ -107,7 +107,7 @@ def _read_header(data: bytes, source: str) -> tuple[str, list[_Element], bytes]:
     end = data.find(b"end_header", 0, _LONGEST_HEADER)
     if not data.startswith(b"ply") or end < 0:
         raise MeshError(
-            f"{source} is no PLY file, or is cut off: its header has no end: copy or export it again."
+            f"{source} is not a PLY file, or is truncated: its header has no end. Copy or export it again."
         )
     body = end + len(b"end_header")
     body += 2 if data[body : body + 2] == b"\r\n" else 1
@@ -125,8 +125,7 @@ def _read_header(data: bytes, source: str) -> tuple[str, list[_Element], bytes]:
                 elements[-1].properties.append(_Property(words[2], _TYPES[words[1]]))
         except (IndexError, KeyError, ValueError):
             raise MeshError(
-                f"{source} has a header that is no PLY: its line '{line[:60]}' cannot be understood: "
-                "export it again."
+                f"{source} has an invalid PLY header: its line '{line[:60]}' cannot be read: export it again."
             ) from None
     if order is None:
         raise MeshError(f"{source} has a header without its format: export it again.")
@@ -139,7 +138,7 @@ def _read_header(data: bytes, source: str) -> tuple[str, list[_Element], bytes]:
         )
         if element.count < 0 or element.count * max(least, 1) > held + 1:
             raise MeshError(
-                f"{source} is damaged: its header promises {element.count:,} rows of '{element.name}', "
+                f"{source} is damaged: its header states {element.count:,} rows of '{element.name}', "
                 f"more than its {held:,} bytes can hold: copy or export it again."
             )
     return order, elements, data[body:]
@@ -197,7 +196,7 @@ def _length(word: bytes, source: str) -> int:
         size = -1
     if size < 0:
         shown = word[:30].decode("latin-1")
-        raise MeshError(f"{source} is damaged: '{shown}' is no length of a list: export it again.")
+        raise MeshError(f"{source} is damaged: '{shown}' is not a valid list length. Export it again.")
     return size
 
 

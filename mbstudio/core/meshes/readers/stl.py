@@ -50,7 +50,7 @@ def _read_text(data: bytes, source: str) -> MeshData:
     named = len(re.findall(rb"\bfacet\s+normal\b", data, re.IGNORECASE))
     if len(found) % 3 or len(found) // 3 != named:
         raise MeshError(
-            f"{source} is damaged: it names {named} triangles but holds {len(found)} corners, "
+            f"{source} is damaged: it states {named} triangles but has {len(found)} vertices, "
             "not three for each: copy or export it again."
         )
     require_few_triangles(named, source)
@@ -68,8 +68,8 @@ def _read_text(data: bytes, source: str) -> MeshData:
 def _read_binary(data: bytes, source: str) -> MeshData:
     if len(data) < _HEADER:
         raise MeshError(
-            f"{source} is no STL file: it has {len(data)} bytes, and the header of a binary STL file alone "
-            f"takes {_HEADER}: copy or export it again."
+            f"{source} is not an STL file: it has {len(data)} bytes, and the header of a binary STL file "
+            f"alone takes {_HEADER}: copy or export it again."
         )
     promised = int(struct.unpack_from("<I", data, 80)[0])
     held, rest = divmod(len(data) - _HEADER, _RECORD)
@@ -78,15 +78,15 @@ def _read_binary(data: bytes, source: str) -> MeshData:
     if promised > held:
         if rest or not held or not _are_triangles(data, 0, held):
             raise MeshError(
-                f"{source} is damaged or no STL file: its header promises {promised:,} triangles in "
+                f"{source} is not an STL file, or is damaged: its header states {promised:,} triangles in "
                 f"{_HEADER + _RECORD * promised:,} bytes, but the file has {len(data):,}: "
                 "copy or export it again."
             )
         count = held
-        notes.append(f"promises {promised:,} triangles in its header but holds {held:,}, which were read")
+        notes.append(f"states {promised:,} triangles in its header but contains {held:,}, which were read")
     elif promised < held and not rest and _are_triangles(data, promised, held):
         count = held
-        notes.append(f"promises {promised:,} triangles in its header but holds {held:,}, which were read")
+        notes.append(f"states {promised:,} triangles in its header but contains {held:,}, which were read")
     elif len(data) > _HEADER + _RECORD * promised:
         more = len(data) - _HEADER - _RECORD * promised
         notes.append(f"has {more:,} bytes after its last triangle, which were left out")

@@ -44,7 +44,8 @@ class _Package:
             self._zip = zipfile.ZipFile(io.BytesIO(data))
         except zipfile.BadZipFile as error:
             raise MeshError(
-                f"{source} is damaged or no 3MF file: it is no zip ({error}): copy or export it again."
+                f"{source} is not a 3MF file, or is damaged: it is not a ZIP archive ({error}). Copy or "
+                "export it again."
             ) from error
         self._models: dict[str, _Model] = {}
         self._vertices: list[np.ndarray] = []
@@ -76,7 +77,7 @@ class _Package:
                     return relation.get("Target", "").lstrip("/")
         found = sorted(name for name in names if name.lower().endswith(".model"))
         if not found:
-            raise MeshError(f"{self._source} is no 3MF file: it holds no model: export it again.")
+            raise MeshError(f"{self._source} is not a 3MF file: it contains no model. Export it again.")
         return next((name for name in found if name.lower() == "3d/3dmodel.model"), found[0])
 
     def _xml(self, name: str) -> ElementTree.Element:

@@ -40,9 +40,9 @@ SUFFIXES = tuple(suffix for family in FAMILIES for suffix in family.suffixes)
 
 # What people try to open as a scan, and what to do instead.
 _OTHERS = {
-    ".ilp": "is an ilastik project, which holds no volume of its own: export the results from ilastik",
-    ".mbs": "is a project of mbstudio, no scan: open it as a project",
-    ".log": "is a log beside slices: open the folder of the slices",
+    ".ilp": "is an ilastik project, which contains no volume: export the results from ilastik",
+    ".mbs": "is an mbstudio project, not a scan: open it as a project",
+    ".log": "is the log of a folder of slices: open the folder",
     ".png": "is a single image: open the folder of all slices",
     ".bmp": "is a single image: open the folder of all slices",
     ".jpg": "is a single image: open the folder of all slices",
@@ -50,7 +50,7 @@ _OTHERS = {
     ".zip": "is an archive: unpack it first",
     ".gz": "is an archive: unpack it first",
     ".7z": "is an archive: unpack it first",
-    ".npz": "is an archive of arrays: save the one array with numpy.save",
+    ".npz": "is an archive of arrays: save the array of the scan with numpy.save",
 }  # fmt: skip
 
 

@@ -92,7 +92,9 @@ def read_part(file: Path, shape: tuple[int, ...], how: Storage, header: Path) ->
 def require_data(file: Path, header: Path) -> None:
     """Raise ScanError unless the file that a header names is there, and a regular one."""
     if not is_there(file):
-        raise ScanError(f"{header} names the data file {file.name}, which is missing: put it beside.")
+        raise ScanError(
+            f"{header} refers to the data file {file.name}, which is missing: put it into the same folder."
+        )
     require_file(file)
 
 

@@ -132,7 +132,7 @@ def require_grey_volume(shape: tuple[int, ...], dtype: np.dtype[Any], path: Path
         raise ScanError(f"{path} contains no voxels (shape {shape}): export the scan again.")
     if dtype.kind not in "buif":
         raise ScanError(
-            f"{path} holds values of type {dtype}: export grey values as integers or real numbers."
+            f"{path} contains values of type {dtype}: export grey values as integers or real numbers."
         )
 
 
@@ -162,7 +162,7 @@ def require_memory(
     if there is not None and needed > 0.9 * there:
         raise ScanError(
             f"{path} needs {needed / 2**30:.1f} GiB of memory, and this machine has {there / 2**30:.1f}: "
-            "save it uncompressed, so that it need not be unpacked, or cut it smaller."
+            "save it uncompressed, so that it need not be unpacked, or crop it."
         )
 
 
@@ -196,7 +196,7 @@ def side_car(path: Path, name: str) -> Path:
     plain = name.removeprefix("./").removeprefix(".\\")
     if not plain or any(sign in plain for sign in "/\\:\0") or plain in (".", ".."):
         raise ScanError(
-            f"{path} names its data file '{name}', outside its own folder: "
+            f"{path} refers to its data file '{name}' outside its folder: "
             "put both into one folder and name the data file there without a folder."
         )
     return require_beside(path, path.parent / plain)
@@ -213,7 +213,7 @@ def require_beside(path: Path, other: Path) -> Path:
         ) from error
     if leads_out:
         raise ScanError(
-            f"{path} names its data file '{other.name}', a link that leads outside its own folder, "
+            f"{path} names its data file '{other.name}', a link that leads outside its folder, "
             f"to {place}: put the file itself beside it."
         )
     return other

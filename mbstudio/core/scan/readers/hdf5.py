@@ -88,16 +88,18 @@ def _choose(file: Any, name: str | None, path: Path) -> Any:
     if name is not None:
         link = file.get(name, getlink=True)
         if isinstance(link, h5py.ExternalLink):
-            raise ScanError(f"{path} holds '{name}' in another file, {link.filename}: open that file itself.")
+            raise ScanError(
+                f"{path} contains '{name}' in another file, {link.filename}: open that file itself."
+            )
         item = file.get(name)
         if isinstance(item, h5py.Dataset):
             return item
         inside = [key for key in volumes if key.startswith(name.strip("/") + "/")]
         if len(inside) == 1:
             return volumes[inside[0]]
-        raise ScanError(f"{path} holds no array '{name}'{_list_volumes(volumes)}.")
+        raise ScanError(f"{path} contains no array '{name}'{_list_volumes(volumes)}.")
     if not volumes:
-        raise ScanError(f"{path} holds no array of three axes (z, y, x): a scan needs one.")
+        raise ScanError(f"{path} contains no array with three axes (z, y, x): a scan needs one.")
     if len(volumes) == 1:
         return next(iter(volumes.values()))
     default = _default_of_nexus(file)
@@ -107,8 +109,8 @@ def _choose(file: Any, name: str | None, path: Path) -> Any:
     if len(usual) == 1:
         return usual[0]
     raise SeveralArraysError(
-        f"{path} holds {len(volumes)} arrays that could be the scan{_listed(volumes)}. "
-        f"Name the one that is meant behind a colon, as in '{path.name}:/{next(iter(volumes))}'.",
+        f"{path} holds {len(volumes)} arrays that could be the scan{_list_volumes(volumes)}. "
+        f"Name the right one after a colon, as in '{path.name}:/{next(iter(volumes))}'.",
         path,
         [f"/{key}" for key in volumes],
     )
@@ -167,7 +169,7 @@ def _order_of_axes(dataset: Any, name: str) -> tuple[tuple[int, int, int], int |
         if beside:
             kinds = ", ".join(f"{keys[axis]}={shape[axis]}" for axis in beside)
             raise ScanError(
-                f"{name} holds more than one volume ({kinds}), such as probabilities of classes: "
+                f"{name} contains more than one volume ({kinds}), such as probabilities of classes: "
                 "export one channel and one time step, or the segmentation, as its own file."
             )
         if all(key in places for key in "zyx"):
@@ -213,7 +215,7 @@ def _voxels(
     count = math.prod(dataset.shape)
     stored = int(dataset.id.get_storage_size())
     if count and not stored:
-        raise ScanError(f"{name} was laid out but never filled with voxels: export it again.")
+        raise ScanError(f"{name} was created but never filled with voxels: export it again.")
     if samples is not None:
         require_memory(dataset.shape, dataset.dtype.itemsize, Path(name))
         return decode(dataset[()], PixelMeaning(samples=dataset.shape[-1]), name, numbers=options.numbers)

@@ -59,7 +59,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
         steps, origin = _steps(fields, spacing_text)
     except ValueError as error:
         raise ScanError(
-            f"The header of {path} holds what is no number ({error}): correct it or export it again."
+            f"The header of {path} contains an invalid number ({error}): correct it or export it again."
         ) from error
     raw = _voxels(path, fields, data_start, shape, channels)
     voxels: VoxelArray = raw
@@ -78,7 +78,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     if "DistanceUnits" not in fields and max(spacing) >= _PLAIN_MILLIMETRES:
         doubt = (
             f"gives a voxel size of {_edges(spacing)} (z, y, x), which MetaImage means in millimetres, "
-            "as large as programs write where they know none or mean micrometres"
+            "which programs also write for an unknown size or for micrometres"
         )
     return Reading(
         voxels,
@@ -223,7 +223,7 @@ def _storage(
             f"{path} holds values of type {kind or 'unknown'} (ElementType): export grey values as whole or "
             "real numbers."
         )
-    big = _true(_first(fields, "False", "BinaryDataByteOrderMSB", "ElementByteOrderMSB"))
+    big = _is_true(_first(fields, "False", "BinaryDataByteOrderMSB", "ElementByteOrderMSB"))
     dtype: np.dtype[Any] = np.dtype((">" if big else "<") + _DTYPES[kind])
     header_size = _whole(fields, "HeaderSize", 0, path)
     if header_size < -1:
@@ -231,14 +231,14 @@ def _storage(
             f"The header of {path} gives HeaderSize as {header_size}: correct it or export it again."
         )
     start = -1 if header_size < 0 else data_start + header_size
-    if _true(fields.get("CompressedData", "False")):
+    if _is_true(fields.get("CompressedData", "False")):
         if "LONG" in kind and "LONG_LONG" not in kind:
             raise ScanError(f"{path} holds packed {kind}, whose length is not told: export it as MET_INT.")
         length = None
         if "CompressedDataSize" in fields:
             length = max(0, _whole(fields, "CompressedDataSize", 0, path))
         return Storage("zlib or gzip", dtype, start, length=length or None)
-    if not _true(fields.get("BinaryData", "True")):
+    if not _is_true(fields.get("BinaryData", "True")):
         return Storage("text", dtype, max(start, 0))
     is_long = kind in ("MET_LONG", "MET_ULONG") and file.is_file() and start >= 0
     if is_long and file.stat().st_size - start == 8 * math.prod(shape):

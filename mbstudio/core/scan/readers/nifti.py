@@ -87,7 +87,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
         steps, origin = grid.steps, grid.origin
     voxels, spacing, corner, flipped = along_axes(voxels, steps, origin, path)
     if grid is not None:
-        grid = None if grid.says_nothing else replace(grid, flipped=flipped)
+        grid = None if grid.is_placeholder else replace(grid, flipped=flipped)
     return Reading(voxels, spacing, unit, unit_word, corner, metadata, grid=grid, doubt=doubt)
 
 
@@ -145,8 +145,8 @@ def _contents(header: Any, path: Path) -> _Contents:
     counts += [1] * (3 - len(counts) if len(counts) == 2 else 0)
     if len(counts) > 3:
         raise ScanError(
-            f"{path} holds more than one volume ({' x '.join(map(str, counts))} along x, y, z, t and further "
-            "axes): save one channel and one time step as its own file."
+            f"{path} contains more than one volume ({' x '.join(map(str, counts))} along x, y, z, t and "
+            "further axes): save one channel and one time step as its own file."
         )
     if len(counts) < 3 or min(counts) < 1:
         raise ScanError(
@@ -157,13 +157,13 @@ def _contents(header: Any, path: Path) -> _Contents:
     except (HeaderDataError, KeyError) as error:
         code = int(header["datatype"])
         raise ScanError(
-            f"{path} holds values of a type that NIfTI does not know (code {code}): export it again."
+            f"{path} contains values of a type that NIfTI does not know (code {code}): export it again."
         ) from error
     samples = len(dtype.names) if dtype.names else 1
     x, y, z = counts
     require_grey_volume((z, y, x), dtype[0] if dtype.names else dtype, path)
     if dtype.kind == "f" and dtype.itemsize > 8:
-        raise ScanError(f"{path} holds values of type {dtype}: export them in single or double precision.")
+        raise ScanError(f"{path} contains values of type {dtype}: export them in single or double precision.")
     bits = 8 * (dtype[0] if dtype.names else dtype).itemsize
     slope, intercept = _scaling(header, path)
     offset = float(header["vox_offset"])

@@ -21,7 +21,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     """
     if path.name.endswith("_seg.npy"):
         raise ScanError(
-            f"{path} is Cellpose's own file, a pickle that may hold anything and is never opened: "
+            f"{path} is a Cellpose file, a pickle that could run any code and is never opened: "
             "save the masks as TIFF (File > Save masks as TIFF, *_cp_masks.tif) and open that."
         )
     try:
@@ -31,7 +31,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     except Exception as error:  # of a wrong header, numpy raises errors of many unrelated types
         if "allow_pickle" in str(error) or "Object arrays" in str(error):
             raise ScanError(
-                f"{path} holds pickled objects, which may hold anything and are never opened: "
+                f"{path} contains pickled objects, which could run any code and are never opened: "
                 "save the plain array with numpy.save."
             ) from error
         raise ScanError(

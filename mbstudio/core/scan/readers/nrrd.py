@@ -55,9 +55,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
         dtype: np.dtype[Any] = nrrd.reader._determine_datatype(header)
     except Exception as error:  # as in _header
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise ScanError(
-            f"The header of {path} is no complete NRRD header ({reason}): export it again."
-        ) from error
+        raise ScanError(f"The NRRD header of {path} is incomplete ({reason}): export it again.") from error
     if dtype.kind not in "buif":
         raise ScanError(f"{path} holds values of type {dtype}: export grey values as whole or real numbers.")
     raw = _voxels(path, header, sizes, dtype, data_start)
@@ -208,7 +206,7 @@ def _merged_layers(raw: np.ndarray, path: Path) -> np.ndarray:
         inside = part > 0
         if (merged[inside] > 0).any():
             raise ScanError(
-                f"{path} holds segments that overlap: in Slicer, export them as a label map, "
+                f"{path} contains segments that overlap: in Slicer, export them as a label map, "
                 "in which each voxel belongs to one."
             )
         merged[inside] = part[inside] + offset

@@ -23,7 +23,7 @@ def read_picture(file: Path, numbers: bool) -> np.ndarray:
 
     with Image.open(file) as image:
         if getattr(image, "n_frames", 1) > 1:
-            raise ScanError(f"The slice {file} holds several images where a slice is one.")
+            raise ScanError(f"The slice {file} contains several images instead of one.")
         if image.mode not in _MODES:
             raise ScanError(
                 f"The slice {file} is a colour image ({image.mode}): convert the slices to grey values first."

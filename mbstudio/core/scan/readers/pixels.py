@@ -126,7 +126,7 @@ def _one_sample(image: np.ndarray, meaning: PixelMeaning, name: object, numbers:
     count = image.shape[-1]
     if count not in (2, 3, 4):
         raise ScanError(
-            f"{name} holds {count} values per pixel: save one channel of grey values as its own file."
+            f"{name} contains {count} values per pixel: save one channel of grey values as its own file."
         )
     tolerance = _LOSSY_TOLERANCE if meaning.lossy else 0
     first = image[..., 0]
@@ -134,17 +134,15 @@ def _one_sample(image: np.ndarray, meaning: PixelMeaning, name: object, numbers:
         for other in (image[..., 1], image[..., 2]):
             low, high = np.minimum(first, other), np.maximum(first, other)
             if (high - low > tolerance).any():
-                what = "colours where numbers of grains should be" if numbers else "colour images"
+                what = "colours instead of grain numbers" if numbers else "colour images"
                 raise ScanError(
-                    f"{name} holds {what}: convert it to grey values first, "
+                    f"{name} contains {what}: convert it to grey values first, "
                     "for example in ImageJ with Image > Type > 16-bit."
                 )
     if count != 3:
         alpha = image[..., -1]
         if alpha.size and (alpha != alpha.flat[0]).any():
-            raise ScanError(
-                f"{name} holds pixels that are partly transparent: save it without an alpha channel."
-            )
+            raise ScanError(f"{name} contains partly transparent pixels: save it without an alpha channel.")
     return np.ascontiguousarray(image[..., 1] if count > 2 and meaning.lossy else first)
 
 
@@ -155,7 +153,7 @@ def _through_palette(
     index = image.astype(np.uint8) if image.dtype.kind == "b" else image
     used = np.unique(index)
     if used.size and int(used[-1]) >= len(palette):
-        raise ScanError(f"{name} holds numbers that its palette does not: export it again as grey values.")
+        raise ScanError(f"{name} contains numbers that its palette lacks: export it again as grey values.")
     # One slice alone may show none of the colours: numbers are taken by the palette as a whole.
     shown = palette if numbers else palette[used]
     is_grey = bool((shown == shown[:, :1]).all())
@@ -163,7 +161,7 @@ def _through_palette(
         if numbers:
             return index
         raise ScanError(
-            f"{name} is shown in the colours of a palette, and which of them are bright is not said: "
+            f"{name} has a colour palette that does not say which colours are bright: "
             "convert it to grey values first, for example in ImageJ with Image > Lookup Tables > Grays."
         )
     greys = palette[:, 0]

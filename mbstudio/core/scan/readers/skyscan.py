@@ -52,7 +52,8 @@ def find_log(folder: Path, first_slice: Path) -> SkyScanLog | None:
     if len({log.spacing for log in read}) > 1:
         said = ", ".join(f"{log.path.name}: {log.spacing[2]:g} µm" for log in read)
         raise ScanError(
-            f"The folder {folder} holds logs of different pixel sizes ({said}): keep the one of these slices."
+            f"The folder {folder} contains logs with different pixel sizes ({said}): keep the log of these "
+            "slices."
         )
     return read[0] if read else None
 

@@ -64,14 +64,14 @@ def order_slices(images: Sequence[Path], folder: Path) -> SliceOrder:
             number, series = _SIGNED_NUMBER, signed
     numbered = {name: files for name, files in series.items() if "#" in name}
     if not numbered:
-        note = f"holds slices without numbers, taken in the order of their names, {_run(by_name)}."
+        note = f"contains slices without numbers, taken in the order of their names, {_run(by_name)}."
         return SliceOrder(tuple(by_name), notes=(note,))
     largest = max(series, key=lambda name: len(series[name]))
     rest = [file for name, files in series.items() if name != largest for file in files]
     if "#" not in largest or (rest and (len(rest) > _FEW or len(rest) >= len(series[largest]))):
         kinds = "; ".join(f"{len(files)} like {files[0].name}" for files in list(series.values())[:5])
         raise ScanError(
-            f"The folder {folder} holds images of {len(series)} kinds of names ({kinds}): "
+            f"The folder {folder} contains images with {len(series)} kinds of names ({kinds}): "
             "keep the slices of one scan in a folder of their own."
         )
     files, notes = _numbered(series[largest], folder, number)
@@ -94,7 +94,7 @@ def _numbered(files: list[Path], folder: Path, number: re.Pattern[str]) -> tuple
     changing = [column for column in range(len(rows[0])) if len({row[column] for row in rows}) > 1]
     if not changing:
         raise ScanError(
-            f"The folder {folder} holds slices of one number ({files[0].name}, {files[1].name}): "
+            f"The folder {folder} contains slices with the same number ({files[0].name}, {files[1].name}): "
             "keep one image of each slice."
         )
     positions = _decimal_positions(files, changing, number)
@@ -132,7 +132,7 @@ def _counter(rows: list[list[int]], changing: list[int], files: Sequence[Path], 
         others = [other for other in changing if other != column]
         groups = {tuple(row[other] for other in others) for row in rows}
         raise ScanError(
-            f"The folder {folder} holds {len(groups)} series of slices or more "
+            f"The folder {folder} contains {len(groups)} or more series of slices "
             f"({files[0].name} and {files[-1].name} differ in more than one number): "
             "keep the slices of one scan in a folder of their own."
         )
@@ -142,7 +142,7 @@ def _counter(rows: list[list[int]], changing: list[int], files: Sequence[Path], 
         steps = _steps(sorted(row[column] for row in rows))
         if len(set(steps)) > 1:
             raise ScanError(
-                f"The folder {folder} holds slices whose names differ in {len(changing)} numbers "
+                f"The folder {folder} contains slices whose names differ in {len(changing)} numbers "
                 f"({files[0].name}, {files[-1].name}): keep the slices of one scan in a folder of their own."
             )
         return column
@@ -160,7 +160,7 @@ def _require_even(files: Sequence[Path], positions: Sequence[float], folder: Pat
     for index, step in enumerate(steps):
         if step == 0:
             raise ScanError(
-                f"The folder {folder} holds two slices of one number ({files[index].name} and "
+                f"The folder {folder} contains two slices with the same number ({files[index].name} and "
                 f"{files[index + 1].name}): keep one of them."
             )
     counts = Counter(steps)
@@ -177,7 +177,7 @@ def _require_even(files: Sequence[Path], positions: Sequence[float], folder: Pat
         raise ScanError(
             f"The folder {folder} has gaps in the numbers of its slices {told}{more}: copy the missing "
             "slices, "
-            "or number the slices anew if none are missing."
+            "or renumber the slices if none are missing."
         )
     if usual != 1 and usual == int(usual) and len(files) > 2:
         return (

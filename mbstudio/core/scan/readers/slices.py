@@ -44,8 +44,8 @@ def read(path: Path, options: ReadOptions) -> Reading:
             )
         if image.dtype != first.dtype:
             raise ScanError(
-                f"The slice {files[index]} holds {image.dtype}, but {files[0].name} holds {first.dtype}: "
-                "export all with one type."
+                f"The slice {files[index]} contains {image.dtype}, but {files[0].name} contains "
+                f"{first.dtype}: export all with the same type."
             )
         return image
 
@@ -93,20 +93,20 @@ def _slices(folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     _require_strays(order, described, usual, folder)
     if order.left_out:
         names = ", ".join(file.name for file in order.left_out)
-        notes.append(f"holds images of other names and sizes, which were left out: {names}.")
+        notes.append(f"contains images with other names and sizes, which were left out: {names}.")
     head = described[order.files[0]]
     for file in order.files[1:]:
         shape, kind = described[file]
         if shape != head[0]:
             raise ScanError(
                 f"The slice {file} has {shape[0]} x {shape[1]} pixels, but {order.files[0].name} has "
-                f"{head[0][0]} x {head[0][1]}: all slices of a folder must be of one size; "
+                f"{head[0][0]} x {head[0][1]}: all slices of a folder must have the same size; "
                 "remove images that are not slices (previews, projections)."
             )
         if kind != head[1]:
             raise ScanError(
-                f"The slice {file} holds other pixels ({kind}) than {order.files[0].name} ({head[1]}): "
-                "export all with one type."
+                f"The pixels of the slice {file} ({kind}) differ from those of {order.files[0].name} "
+                f"({head[1]}): export all with the same type."
             )
     return order.files, tuple(notes)
 
@@ -121,9 +121,9 @@ def _require_strays(
     for file in order.left_out:
         if described[file][0] == usual and not file.stem.lower().endswith(_PREVIEWS):
             raise ScanError(
-                f"The folder {folder} holds {file.name} among slices such as {order.files[0].name}, of "
+                f"The folder {folder} contains {file.name} among slices such as {order.files[0].name}, of "
                 "the same "
-                "size but not numbered as they are: take it out, or name it as the slice that it is."
+                "size but numbered differently: remove it, or rename it like the other slices."
             )
 
 
@@ -138,11 +138,11 @@ def _image_files(folder: Path) -> list[Path]:
     kinds = [kind for kind in dict.fromkeys(_KINDS.values()) if kind in there]
     if not images:
         raise ScanError(
-            f"The folder {folder} holds no slices: it needs TIFF, PNG, BMP or JPEG images, one per slice."
+            f"The folder {folder} contains no slices: it needs TIFF, PNG, BMP or JPEG images, one per slice."
         )
     if len(kinds) > 1:
         raise ScanError(
-            f"The folder {folder} holds both {' and '.join(kinds)} images: keep one kind of slice in it."
+            f"The folder {folder} contains both {' and '.join(kinds)} images: keep one kind of slice in it."
         )
     return images
 

@@ -124,7 +124,7 @@ def _unreadable(path: Path, error: Exception) -> ScanError:
 def _voxels(document: Any, path: Path, options: ReadOptions) -> tuple[VoxelArray, bool, tuple[str, ...]]:
     """Return the voxels of the file's one stack, mapped, decoded or lazy; whether white is zero; notes."""
     if not document.series:
-        raise ScanError(f"{path} holds no images: copy or export the scan again.")
+        raise ScanError(f"{path} contains no images: copy or export the scan again.")
     numbers = options.numbers
     chosen, notes = _stack(document, path)
     _require_complete(document, chosen, path)
@@ -202,16 +202,16 @@ def _stack(document: Any, path: Path) -> tuple[list[Any], tuple[str, ...]]:
         return series, ()
     if len(volumes) == 1 and all(one is volumes[0] or _is_beside(one, volumes[0]) for one in series):
         others = ", ".join(_named(one) for one in series if one is not volumes[0])
-        return volumes, (f"holds other images beside the stack, which were left out: {others}.",)
+        return volumes, (f"contains other images besides the stack, which were left out: {others}.",)
     names = ", ".join(_named(one) for one in series[:6])
     if len({one.shape[-2:] for one in series}) > 1:
         raise ScanError(
-            f"{path} holds {len(series)} images of different sizes ({names}): "
-            "save the slices of one scan, all of one size, as their own file."
+            f"{path} contains {len(series)} images of different sizes ({names}): "
+            "save the slices of one scan, all of the same size, as their own file."
         )
     raise ScanError(
-        f"{path} holds {len(series)} stacks of images ({names}), and which of them is the scan is not said: "
-        "save the one that is meant as its own file."
+        f"{path} contains {len(series)} stacks of images ({names}), and it is unclear which is the scan: "
+        "save the right one as its own file."
     )
 
 
@@ -251,7 +251,7 @@ def _stack_shape(
     slices = dict(pairs).get("Z", 1)
     if len(long) > 3 or (crowd and len(long) == 3 and slices > 1):
         raise ScanError(
-            f"{path} holds more than one volume (axes {axes}, shape {shape}): "
+            f"{path} contains more than one volume (axes {axes}, shape {shape}): "
             "save one channel and one time step as its own file."
         )
     _require_slices(document, dict(pairs), path)
@@ -266,14 +266,13 @@ def _require_slices(document: Any, lengths: dict[str, int], path: Path) -> None:
     facts = (document.imagej_metadata or {}) if document.is_imagej else {}
     if facts and 1 < lengths.get("C", 1) <= 4 and str(facts.get("mode", "")) in ("composite", "color"):
         raise ScanError(
-            f"{path} holds {lengths['C']} channels of one slice: save one channel of all slices as its "
+            f"{path} contains {lengths['C']} channels of one slice: save one channel of all slices as its "
             "own file."
         )
     if facts and lengths.get("T", 1) > 1 and "finterval" in facts:
         raise ScanError(
-            f"{path} is a time series of one slice ({lengths['T']} frames): if its frames are slices, "
-            "exchange "
-            "both in ImageJ with Image > Properties and clear the frame interval."
+            f"{path} is a time series of one slice ({lengths['T']} frames): if its frames are slices, swap "
+            "frames and slices in ImageJ with Image > Properties, and clear the frame interval."
         )
 
 
@@ -284,7 +283,7 @@ def _require_complete(document: Any, chosen: Sequence[Any], path: Path) -> None:
     series = chosen[0]
     if document.is_ome and any(page is None for one in chosen for page in one.pages):
         raise ScanError(
-            f"{path} is one file of a set, and the slices that lie in the others are not read: "
+            f"{path} is one file of a set, and the slices in the other files are not read: "
             "save the set as one file."
         )
     if series.dataoffset is not None and len(chosen) == 1:
@@ -322,7 +321,7 @@ def read_image(file: Path, numbers: bool) -> tuple[np.ndarray, bool]:
             raise ScanError(f"The slice {file} is cut off or damaged: copy or export it again.")
         if count > 1:
             raise ScanError(
-                f"The slice {file} holds {count} images where a slice is one: "
+                f"The slice {file} holds {count} images instead of one: "
                 "open the file itself if it is the whole scan."
             )
         page = document.pages[0]

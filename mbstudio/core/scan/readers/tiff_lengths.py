@@ -130,8 +130,8 @@ def cubic(edge: float, unit: str) -> tuple[str, ...]:
     """Return the note that slices are taken to be as far apart as rows."""
     shown = edge * METRES_PER_UNIT[unit] / METRES_PER_UNIT["um"]
     return (
-        f"says how large its pixels are, but not how far its slices are apart: taken as {shown:g} µm, too. "
-        "Give voxel_size where that is wrong.",
+        f"states its pixel size but not its slice spacing, which was taken as {shown:g} µm, too. "
+        "Give voxel_size if that is wrong.",
     )
 
 
@@ -154,7 +154,7 @@ def _imagej_size(document: Any, pixel: tuple[float, float] | None) -> StatedSize
             # ImageJ leaves out a distance of 1, which is also what it assumes where nothing was set.
             doubt = (
                 f"gives pixels of {pixel[1]:g} {x_unit or ''} and slices 1 {z_unit or ''} apart, "
-                "which ImageJ assumes where nobody has set the voxel depth"
+                "which ImageJ assumes if the voxel depth was not set"
             )
         elif has_slices:
             known = joined((depth, *pixel), (z_unit, y_unit, x_unit))

@@ -33,8 +33,6 @@ class Inclusion:
     ----------
     probabilities : float array, shape (candidates,)
         Of sum `count`, each below 1.
-    residuals : float array, shape (constraints,)
-        What the expected means still miss, in standard deviations of the candidates.
     effective : float
         sum(p)**2 / sum(p**2): so many candidates are really chosen among, from `count` (nothing is left to
         chance) up to the number of candidates (an even draw).
@@ -43,7 +41,6 @@ class Inclusion:
     """
 
     probabilities: Float64[np.ndarray, " candidates"]
-    residuals: Float64[np.ndarray, " constraints"]
     effective: float
     converged: bool
 
@@ -105,8 +102,8 @@ def inclusion(
             break
     p = _sigmoid(base + design @ factors)
     missed = (design.T @ p - wanted) / count
-    met = np.abs(missed + penalty * factors).max() < _MET
-    return Inclusion(p, missed[1:], float(p.sum() ** 2 / max(np.square(p).sum(), 1e-300)), bool(met))
+    converged = np.abs(missed + penalty * factors).max() < _MET
+    return Inclusion(p, float(p.sum() ** 2 / max(np.square(p).sum(), 1e-300)), bool(converged))
 
 
 def _offset_for_count(base: np.ndarray, count: int) -> float:

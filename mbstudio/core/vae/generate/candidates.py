@@ -23,7 +23,7 @@ VALID, REPAIRED, PIECES, VOID, UNUSABLE = range(5)
 REASONS = {
     PIECES: "falls into pieces",
     VOID: "has a void inside",
-    UNUSABLE: "is no body about its centre",
+    UNUSABLE: "is not a body around its centre",
 }
 """Why a candidate is refused."""
 
@@ -69,7 +69,7 @@ class Candidates:
             If the factor is not found quickly.
         """
         if factor not in FACTORS.quick:
-            raise GenerationError(f"'{factor}' is not found quickly: use one of {', '.join(FACTORS.quick)}.")
+            raise GenerationError(f"'{factor}' is not a quick factor: use one of {', '.join(FACTORS.quick)}.")
         known = dict(zip(STAR_FACTORS, self.factors.T, strict=True))
         return np.asarray(FACTORS.value(factor, known))
 

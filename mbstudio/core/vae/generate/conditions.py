@@ -271,7 +271,9 @@ def _parsed(text: str, unit: str) -> Condition:
         return _curve(value, SIEVE_SIZE, "mass", unit, text)
     if name not in FACTORS:
         known = ", ".join(FACTORS)
-        raise GenerationError(f"'{name}' in '{text}' is no factor: use D10 to D90, sieve, or one of {known}.")
+        raise GenerationError(
+            f"'{name}' in '{text}' is not a factor: use D10 to D90, sieve, or one of {known}."
+        )
     if ":" in value:
         return _curve(value, name, "number", unit, text)
     if ".." in value:
@@ -290,7 +292,9 @@ def _parsed(text: str, unit: str) -> Condition:
 def _range(value: str, name: str, unit: str, text: str) -> FactorRange:
     low, _, high = (part.strip() for part in value.partition(".."))
     if not low and not high:
-        raise GenerationError(f"'{text}' cannot be read: give the range at least one end, as 0.75..0.8.")
+        raise GenerationError(
+            f"'{text}' cannot be read: give the range at least one end, for example 0.75..0.8."
+        )
     stated = _unit_in(high) if high else ""
     first = _quantity(low, name, unit, text, stated) if low else -np.inf
     last = _quantity(high, name, unit, text) if high else np.inf
@@ -332,12 +336,12 @@ def _quantity(value: str, name: str, unit: str, text: str, stated: str = "") -> 
         return number
     power = FACTORS[name].power
     if not power:
-        raise GenerationError(f"'{text}' cannot be read: {name} is a plain number without unit.")
+        raise GenerationError(f"'{text}' cannot be read: {name} has no unit.")
     try:
         factor = conversion_factor(given, unit)
     except UnitError as error:
         known = ", ".join(METRES_PER_UNIT)
-        raise GenerationError(f"'{given}' in '{text}' is no length unit: use one of {known}.") from error
+        raise GenerationError(f"'{given}' in '{text}' is not a length unit: use one of {known}.") from error
     if _POWERS[match[3]] != power:
         raise GenerationError(
             f"'{text}' cannot be read: {name} is in {FACTORS[name].unit(unit)}, not {given}{match[3]}."

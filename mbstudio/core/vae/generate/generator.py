@@ -81,9 +81,9 @@ def generate(
         If the count is not positive, a condition cannot be read, or these parents cannot give what is asked.
     """
     if count < 1:
-        raise GenerationError(f"{count} clones cannot be generated: ask for 1 or more.")
+        raise GenerationError(f"The number of clones must be 1 or more, not {count}.")
     if processes < 1:
-        raise GenerationError(f"{processes} processes cannot generate: give 1 or more.")
+        raise GenerationError(f"The number of processes must be 1 or more, not {processes}.")
     report = on_progress or (lambda _share, _message: None)
     wanted = _read_conditions(targets or (), learner.parents.unit)
     work = _GenerationRun(learner, count, seed, wanted, processes, report)
@@ -139,7 +139,7 @@ class _GenerationRun:
         values = values[known]
         if len(values) < 2:
             raise GenerationError(
-                f"{len(values)} of the {len(parents)} parents can be measured: clones need two at least."
+                f"{len(values)} of the {len(parents)} parents can be measured: clones need at least two."
             )
         self._radii = log_radii(parents.take(np.flatnonzero(known)))
         self._among = nearest_others(self._radii)
@@ -326,7 +326,7 @@ class _GenerationRun:
                 return choice, self._population(choice)
             self._replaced += len(lost)
             choice = replace(choice, rows=self._exchange(choice.rows, lost))
-        raise GenerationError("Too many clones of these parents cannot be measured: learn their style anew.")
+        raise GenerationError("Too many clones of these parents cannot be measured: learn their style again.")
 
     def _exchange(self, rows: Int[np.ndarray, " count"], lost: set[int]) -> Int[np.ndarray, " count"]:
         """Return the rows with each lost one replaced by the free candidate most like it."""
@@ -375,7 +375,7 @@ class _GenerationRun:
         if not self._conditions:
             raise GenerationError(
                 f"Of {len(self._pool)} candidates only {int(usable.sum())} are valid bodies: too few for "
-                f"{self._count} clones. Learn the style of grains that are fitted better."
+                f"{self._count} clones. Learn the style of grains with better fits."
             )
         names = dict.fromkeys(condition.factor for condition in self._conditions)
         reach = ", ".join(
@@ -383,7 +383,7 @@ class _GenerationRun:
         )
         raise GenerationError(
             f"These parents cannot give {self._describe_conditions()}: their clones have {reach}. "
-            "Ask for values within."
+            "Ask for values in that range."
         )
 
     def conclude(self, choice: Choice, exact: Population | None) -> Generation:
@@ -403,7 +403,7 @@ class _GenerationRun:
         how = (
             LEVELS[choice.level]
             if not self._conditions
-            else f"{self._describe_conditions()}, else as like the parents as can be"
+            else f"{self._describe_conditions()}, otherwise as similar to the parents as possible"
         )
         return Generation(
             replace(pool.shapes.take(rows), names=names), pool.latents[rows], pool.parents[rows], exact,

@@ -60,7 +60,7 @@ def novelty(parents: Serialization, clones: Serialization, seed: int = 0) -> Nov
     """
     if len(parents) < 2 or len(clones) < 2:
         raise GenerationError(
-            f"Novelty needs two parents and two clones at least, not {len(parents)} and {len(clones)}."
+            f"Novelty needs at least two parents and two clones, not {len(parents)} and {len(clones)}."
         )
     theirs, ours = log_radii(parents), log_radii(clones)
     between_parents = float(np.median(nearest_others(theirs)))
@@ -152,7 +152,7 @@ def discrimination(
 
     size = min(len(parents), len(clones))
     if size < 2 * _FOLDS:
-        raise GenerationError(f"Telling clones from parents needs {2 * _FOLDS} of both, not {size}.")
+        raise GenerationError(f"Telling clones from parents needs at least {2 * _FOLDS} of each, not {size}.")
     rng = np.random.default_rng([seed, 0xC1])
     samples = []
     for bodies, factors in ((parents, parent_factors), (clones, clone_factors)):

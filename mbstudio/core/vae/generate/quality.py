@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -211,7 +210,7 @@ def assess(
     if min(keep.sum(), kept.sum()) < 2:
         raise GenerationError(
             f"Only {int(keep.sum())} parents and {int(kept.sum())} clones could be measured: "
-            "comparing needs two of both."
+            "a comparison needs at least two of each."
         )
     theirs, ours = theirs[keep], ours[kept]
     truth = None if true_factors is None else _matrix(true_factors)
@@ -241,7 +240,7 @@ def assess(
         discrimination=told,
         valid_before=None if counts is None else counts.valid_share,
         valid_after=float(clones.valid.mean()),
-        floor="parents drawn anew" if truth is None else f"{len(truth)} true new grains",
+        floor="parents drawn again" if truth is None else f"{len(truth)} true new grains",
     )  # fmt: skip
 
 
@@ -319,20 +318,3 @@ def _distances(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
         - np.searchsorted(np.sort(b), steps, side="right") / len(b)
     )
     return float(gap.max()), float(gap[:-1] @ np.diff(steps))
-
-
-def ahead_of_paper(factors: Sequence[FactorQuality], kind: str) -> dict[str, tuple[bool, bool]]:
-    """Return whether each factor's errors of mean and deviation are below the paper's, or at the floor.
-
-    Parameters
-    ----------
-    factors : sequence of FactorQuality
-    kind : {'Ottawa sand', 'cobblestone'}
-    """
-    return {
-        row.factor: (
-            row.mean_error <= max(PAPER_ERRORS[kind][row.factor][0], row.floor.mean_error[0]),
-            row.deviation_error <= max(PAPER_ERRORS[kind][row.factor][1], row.floor.deviation_error[0]),
-        )
-        for row in factors
-    }

@@ -48,7 +48,7 @@ _ENOUGH_FOR_NETWORKS = 50
 
 FEW_PARENTS = (
     "For fewer than 50 parents principal components (preset 'pca') reproduce held-out parents better than "
-    "a network, which has too little to learn from: compare the two."
+    "a network, which has too little data: compare the two."
 )
 
 

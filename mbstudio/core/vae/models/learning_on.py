@@ -44,7 +44,7 @@ class LearningOn(StyleTraining):
         self, learner: StyleLearner, new: Serialization, *, seed: int = 0, device: str = "cpu", **options: Any
     ) -> None:
         if not len(new):
-            raise StyleError("There are no new parents to learn: give one avatar or more.")
+            raise StyleError("There are no new parents: give at least one avatar.")
         model = learner.model
         model.scaler.check(new)
         preset = find_preset(learner.preset)
@@ -65,7 +65,7 @@ class LearningOn(StyleTraining):
         trainer.replay(rest[rest < len(old)], rest[rest >= len(old)])
         trainer.notes = (
             *trainer.notes,
-            f"Learned on from {len(old)} parents to {len(parents)}: {len(new)} new ones.",
+            f"Training continued from {len(old)} to {len(parents)} parents, {len(new)} of them new.",
         )
         self._old_steps = learner.card.steps
         self._begin(preset, seed, data, trainer, given)

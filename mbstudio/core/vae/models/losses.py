@@ -124,8 +124,8 @@ class DistributionAnnealer:
     def __post_init__(self) -> None:
         if self.steps < 0 or not 0 <= self.share <= 1:
             raise StyleError(
-                f"An annealer over a share of {self.share:g} of {self.steps} steps cannot be: give 0 to 1 of "
-                "0 steps or more."
+                f"An annealer over a share of {self.share:g} of {self.steps} steps is not possible: give 0 "
+                "to 1 of 0 steps or more."
             )
 
     def weight(self, step: int) -> float:

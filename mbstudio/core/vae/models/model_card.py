@@ -101,7 +101,7 @@ class ModelCard:
                 known[name] = dict(known[name])
             return cls(**known)
         except (KeyError, TypeError, ValueError) as error:
-            raise StyleError(f"Its model card is not complete: {error}.") from None
+            raise StyleError(f"Its model card is incomplete: {error}.") from None
 
 
 def library_versions(*names: str) -> dict[str, str]:

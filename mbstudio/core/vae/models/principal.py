@@ -218,7 +218,7 @@ class PrincipalTrainer:
 
     def advance(self, step: int) -> Any:
         """Refuse: there is no step to make."""
-        raise StyleError(f"Principal components have no step {step}: they are found at once.")
+        raise StyleError(f"Principal components are found at once, so there is no step {step}.")
 
     def replay(self, old: Int[np.ndarray, " old"], new: Int[np.ndarray, " new"]) -> None:
         """Do nothing: the components are those of all parents."""

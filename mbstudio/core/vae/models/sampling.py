@@ -109,11 +109,11 @@ def band_latents(
         If count is negative, mixing or turning is not between 0 and 1, or neighbours not positive.
     """
     if count < 0:
-        raise StyleError(f"{count} clones cannot be drawn: give a whole number, 0 or more.")
+        raise StyleError(f"The number of clones must be 0 or more, not {count}.")
     if not (0 <= mixing <= 1 and 0 <= turning <= 1):
-        raise StyleError(f"Shares of noise {mixing:g} and {turning:g} are not between 0 and 1.")
+        raise StyleError(f"The shares of noise must be between 0 and 1, not {mixing:g} and {turning:g}.")
     if neighbours < 1:
-        raise StyleError(f"{neighbours} neighbours make no noise: give 1 or more.")
+        raise StyleError(f"The number of neighbours must be 1 or more, not {neighbours}.")
     near = similar_parents(latents, signs, bands, neighbours)
     means = latents[near].mean(1) * (signs.mean(0) == 1.0)
     rows = stratified_rows(len(latents), count, rng)
@@ -180,7 +180,7 @@ def _normals(count: int, d: int, rng: np.random.Generator) -> Float64[np.ndarray
 def normal_latents(count: int, d: int, rng: np.random.Generator) -> Float64[np.ndarray, "count d"]:
     """Return latent vectors from N(0, 1), as the paper draws them."""
     if count < 0:
-        raise StyleError(f"{count} clones cannot be drawn: give a whole number, 0 or more.")
+        raise StyleError(f"The number of clones must be 0 or more, not {count}.")
     return rng.standard_normal((count, d))
 
 

@@ -319,11 +319,11 @@ def read_learner(folder: Path) -> StyleLearner:
             )
         return build_learner(entries, _tensors(content, weights), weights)
     except (KeyError, TypeError, ValueError) as error:
-        raise StyleError(f"{path} is no complete style-learner ({error!r}): save it again.") from None
+        raise StyleError(f"{path} is incomplete ({error!r}): save the style-learner again.") from None
     except MbstudioError as error:
         if str(path) in str(error) or str(folder) in str(error):
             raise
-        raise StyleError(f"{path} is no usable style-learner: {error}") from error
+        raise StyleError(f"{path} cannot be used as a style-learner: {error}") from error
 
 
 def read_entries(path: Path) -> dict[str, Any]:
@@ -336,7 +336,7 @@ def read_entries(path: Path) -> dict[str, Any]:
     """
     content = _read(path)
     if len(content) > _LARGEST_CARD:
-        raise StyleError(f"{path} is {len(content) >> 20} MiB long: it is no style-learner of mbstudio.")
+        raise StyleError(f"{path} is {len(content) >> 20} MiB long, too long for a style-learner.")
     try:
         check_json(content)
     except BrokenSealError as error:
@@ -346,7 +346,7 @@ def read_entries(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError):
         raise StyleError(f"{path} is damaged or no JSON file: take another copy of the folder.") from None
     if not isinstance(entries, dict) or entries.get("kind") != _KIND:
-        raise StyleError(f"{path} is no style-learner of mbstudio: choose a folder that one was saved in.")
+        raise StyleError(f"{path} is not a style-learner: choose a folder in which one was saved.")
     form = entries.get("format")
     if not isinstance(form, int) or isinstance(form, bool) or form < 1:
         raise StyleError(f"{path} does not say its format: take another copy of the folder.")
@@ -387,7 +387,7 @@ def require_finite(tensors: Tensors, path: Path) -> None:
     """
     for name, array in tensors.items():
         if name != "parents.rms" and not np.isfinite(array).all():
-            raise StyleError(f"{path} holds numbers that are not finite in '{name}': train it again.")
+            raise StyleError(f"{path} contains numbers that are not finite in '{name}': train it again.")
 
 
 def _check_shapes(tensors: Tensors, wanted: dict[str, tuple[int, ...]], path: Path) -> None:
@@ -396,5 +396,5 @@ def _check_shapes(tensors: Tensors, wanted: dict[str, tuple[int, ...]], path: Pa
         if found is None or found.shape != shape:
             raise StyleError(
                 f"{path} has '{name}' of shape {None if found is None else found.shape} where its JSON file "
-                f"asks for {shape}: the two do not belong together."
+                f"asks for {shape}: they do not belong together."
             )

@@ -177,7 +177,7 @@ class StyleTraining:
     def _stop_broken(self, step: int, last: Losses) -> TrainingStep:
         if self.best_row < 0:
             raise StyleError(
-                "The training gives numbers that are not finite from the start: check the parents for "
+                "The training yields numbers that are not finite from the start: check the parents for "
                 "avatars with stray control points."
             )
         self.stopped = True
@@ -185,7 +185,7 @@ class StyleTraining:
         return TrainingStep(
             step, self.trainer.steps, last.reconstruction, last.distribution, last.weight, last.loss,
             math.nan, False,
-            f"the loss is no finite number any more at step {step}: the training stops, and the best state, "
+            f"the loss is no longer finite at step {step}: the training stops, and the best state, "
             f"of step {kept}, is kept",
         )  # fmt: skip
 
@@ -310,13 +310,15 @@ def resume(training: StyleTraining, path: Path) -> None:
         ]
         best_row = int(about["best_row"])
         if not 0 <= best_row < len(history) or math.isnan(history[best_row].held_out):
-            raise ValueError("it names no best state")
+            raise ValueError("its best state is missing")
         state = _part(tensors, "state.")
         wanted = {name: array.shape for name, array in training.trainer.weights().items()}
         if any(name not in state or state[name].shape != shape for name, shape in wanted.items()):
             raise ValueError("parameters are missing or of another shape")
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise StyleError(f"{path} is no complete checkpoint ({error}): delete it to begin anew.") from None
+        raise StyleError(
+            f"{path} is not a complete checkpoint ({error}): delete it to start again."
+        ) from None
     training.trainer.restore(state)
     training.history = history
     training.best_row, training.best_weights = best_row, _part(tensors, "best.")
@@ -350,7 +352,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     except (SafetensorError, ValueError, KeyError) as error:
         raise StyleError(f"{path} is damaged or no checkpoint ({error}): delete it to begin anew.") from None
     if not isinstance(about, dict) or about.get("kind") != _KIND or not isinstance(about.get("of"), dict):
-        raise StyleError(f"{path} is no checkpoint of a style-training: name another file.")
+        raise StyleError(f"{path} is not a checkpoint of a training: choose another file.")
     if not isinstance(about.get("format"), int) or about["format"] > FORMAT:
         raise StyleError(
             f"{path} has format {about.get('format')}, from a newer mbstudio than this: update mbstudio."

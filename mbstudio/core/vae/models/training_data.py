@@ -64,7 +64,9 @@ class TrainingData:
             If the parents are too few, all alike, or one does not belong to the others.
         """
         if not 0 <= held_out <= 0.5:
-            raise StyleError(f"A share of {held_out:g} of the parents cannot be held out: give 0 to 0.5.")
+            raise StyleError(
+                f"A share of {held_out:g} of the parents cannot be held out: give a share from 0 to 0.5."
+            )
         _check_number(parents)
         _check_sizes(parents)
         scaler = Scaler.from_parents(parents) if scaler is None else scaler
@@ -95,7 +97,7 @@ class TrainingData:
 def _check_number(parents: Serialization) -> None:
     if len(parents) < FEWEST_PARENTS:
         raise StyleError(
-            f"{len(parents)} parents are too few to learn a style from: give {FEWEST_PARENTS} or more."
+            f"{len(parents)} parents are too few to learn a style from: give at least {FEWEST_PARENTS}."
         )
 
 
@@ -122,7 +124,7 @@ def _check_shapes(parents: Serialization, vectors: Float64[np.ndarray, "parents 
         )
     if np.abs(vectors - vectors.mean(0)).max() < 1e-9:
         raise StyleError(
-            f"All {len(parents)} parents are the same avatar: there is no style to learn. "
+            f"All {len(parents)} parents are the same avatar, so there is no style to learn. "
             "Give different ones."
         )
 
@@ -131,7 +133,7 @@ def _notes(parents: Serialization, vectors: Float64[np.ndarray, "parents width"]
     notes = []
     copies = len(vectors) - len(np.unique(vectors.round(9), axis=0))
     if copies:
-        notes.append(f"{copies} of {len(vectors)} parents are copies of others: they count twice.")
+        notes.append(f"{copies} of {len(vectors)} parents are copies of others and count more than once.")
     broken = int((~parents.valid).sum())
     if broken:
         notes.append(

@@ -54,7 +54,5 @@ def read_one_body(path: Path, unit: str | None = None) -> trimesh.Trimesh:
     """
     bodies, _ = read_parents(path, unit)
     if len(bodies) > 1:
-        raise SerializationError(
-            f"{path} holds {len(bodies)} bodies: save the one that is meant as a file of its own."
-        )
+        raise SerializationError(f"{path} contains {len(bodies)} bodies: save the right one as its own file.")
     return bodies[0]

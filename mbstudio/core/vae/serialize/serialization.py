@@ -68,7 +68,9 @@ class Template:
         if not (np.isfinite(centers).all() and np.isfinite(log_weights).all()):
             raise SerializationError("A template has control points or weights that are not finite numbers.")
         if not np.array_equal(np.sort(exchange, axis=1), np.tile(np.arange(n), (8, 1))):
-            raise SerializationError("The exchanges of a template are no permutations of its control points.")
+            raise SerializationError(
+                "The exchanges of a template must be permutations of its control points."
+            )
         flipped = np.stack([centers[row] * signs for row, signs in zip(exchange, FLIPS, strict=True)])
         if not (
             np.allclose(flipped, centers, atol=1e-6)
@@ -215,7 +217,7 @@ def build_serialization(arrays: Mapping[str, np.ndarray], source: str = "The fil
     wanted = [*(f"template_{name}" for name in _TEMPLATE), *_ARRAYS, "unit", "names"]
     missing = [name for name in wanted if name not in arrays]
     if missing:
-        raise SerializationError(f"{source} holds no serialized avatars: '{missing[0]}' is missing.")
+        raise SerializationError(f"{source} contains no serialized avatars: '{missing[0]}' is missing.")
     return Serialization(
         Template(
             **{name: arrays[f"template_{name}"] for name in _TEMPLATE},

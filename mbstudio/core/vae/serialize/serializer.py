@@ -91,15 +91,15 @@ def serialize(
     if template is None and len(bodies) < FEWEST_BODIES:
         raise SerializationError(
             f"{len(bodies)} bodies are too few to learn a style from: give at least {FEWEST_BODIES}, "
-            "or the template of a population that they belong to."
+            "or the template of the population that they belong to."
         )
     if not bodies:
         raise SerializationError("There are no bodies to serialize.")
     if processes < 1:
-        raise SerializationError(f"{processes} processes cannot serialize: give 1 or more.")
+        raise SerializationError(f"The number of processes must be 1 or more, not {processes}.")
     names = [body_name(body, i) for i, body in enumerate(bodies)] if names is None else list(names)
     if len(names) != len(bodies):
-        raise SerializationError(f"{len(bodies)} bodies have {len(names)} names: give one to each.")
+        raise SerializationError(f"{len(bodies)} bodies have {len(names)} names: give one for each.")
     asked = None if unit is None else parse_unit(unit)
     told = _ProgressCount(on_progress, len(bodies), template is None)
     work = _Work(bodies, names, asked, seed, processes)
@@ -239,7 +239,7 @@ def _warn_of_oddities(serialization: Serialization) -> Serialization:
     told = []
     if len(twice):
         told.append(
-            f"{len(twice)} of {count} bodies have the shape of another ({listed(twice)}): only "
+            f"{len(twice)} of {count} bodies have the same shape as another ({listed(twice)}): only "
             f"{count - len(twice)} shapes can be learned from."
         )
     if len(odd):
@@ -250,8 +250,8 @@ def _warn_of_oddities(serialization: Serialization) -> Serialization:
         )
     if len(bad):
         told.append(
-            f"{len(bad)} of {count} avatars ({listed(bad)}) are not one piece without a void that holds its "
-            "control points: serialize with a larger n, or leave them out."
+            f"{len(bad)} of {count} avatars ({listed(bad)}) are in pieces, have a void or do not contain "
+            "their control points: serialize with a larger n, or leave them out."
         )
     for message in told:
         warnings.warn(message, SerializationWarning, stacklevel=3)

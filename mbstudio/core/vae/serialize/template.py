@@ -30,7 +30,7 @@ def orbit_kinds(n: int) -> tuple[int, ...]:
         If `n` is not a whole number from 1.
     """
     if int(n) != n or n < 1:
-        raise SerializationError(f"n = {n} control points are impossible: give a whole number from 1.")
+        raise SerializationError(f"n = {n} is not possible: n must be a whole number, 1 or more.")
     eights, rest = divmod(int(n), 8)
     return (8,) * eights + tuple(size for size in (4, 2, 1) if rest & size)
 

@@ -9,12 +9,11 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.imaging.depths import count_outside
-from mbstudio.core.imaging.fast.guard import find_wrongly_empty
+from mbstudio.core.imaging.fast.guard import hold_empty_places
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.fast.rows import Residuals
+from mbstudio.core.imaging.fast.volume import VolumeScaling
 from mbstudio.core.imaging.preprocess import PreparedGrain
-from mbstudio.core.metaball.field import solid_bounds
-from mbstudio.core.metaball.surface import volume_and_area_of_thin
 from mbstudio.core.metaball.topology import Topology, topology
 from mbstudio.core.vae.serialize.fit_target import prepare_body
 from mbstudio.core.vae.serialize.frame import PrincipalFrame
@@ -225,10 +224,7 @@ def _make_sound(search: TemplateFit, settings: TemplateFitSettings) -> Topology:
             break
         if found.pieces > 1:
             _pull_in(search, found)
-        empty, depths = find_wrongly_empty(search.control, search.prepared, rng)
-        if len(empty):
-            search.hold_points(empty, depths, weight=2.0 * (1 + number))
-        search.damping = max(search.damping, 0.1)
+        hold_empty_places(search, number, rng)
         search.descend(settings.guard_steps)
         found = topology(search.control)
     return found
@@ -248,15 +244,10 @@ def _pull_in(search: TemplateFit, found: Topology) -> None:
 
 def match_volume(control: Float64[np.ndarray, "4 n"], volume: float) -> Float64[np.ndarray, "4 n"]:
     """Return control points with all k times one factor, so that the solid has this volume."""
-    matched = control.copy()
-    power, moved, before = 1.5, 0.0, 0.0
-    for done in range(4):
-        now, _ = volume_and_area_of_thin(matched, 64, solid_bounds(matched, rounds=1))
-        excess = float(np.log(now / volume))
+    matched, scaling = control.copy(), VolumeScaling(volume)
+    for _ in range(4):
+        excess = scaling.excess(matched)
         if abs(excess) < 2e-5:
             break
-        if done and abs(moved) > 1e-9:
-            power = float(np.clip((excess - before) / moved, 1.0, 8.0))
-        moved, before = -excess / power, excess
-        matched[3] *= np.exp(moved)
+        scaling.scale(matched, excess)
     return matched

@@ -67,7 +67,7 @@ def read_kept_grain(record: Mapping[str, Any]) -> KeptGrain:
         factors = tuple(float(value) for value in record["factors"])
         return KeptGrain(read_recipe(record), factors, str(record["unit"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise StyleError(f"A kept grain lacks {error}, or holds something else there.") from None
+        raise StyleError(f"{error} of a kept grain is missing or invalid.") from None
 
 
 def measure_recipes(learner: StyleLearner, recipes: Sequence[Recipe]) -> tuple[KeptGrain, ...]:
@@ -156,12 +156,12 @@ def rename_grain(
     wanted = to.strip()
     if not _NAME.fullmatch(wanted):
         raise StyleError(
-            f"'{to}' cannot be the name of a grain: begin with a letter or digit and use letters, digits, "
-            "spaces, points, + and -."
+            f"'{to}' cannot be the name of a grain: begin with a letter or digit and use only letters, "
+            "digits, spaces, points, + and -."
         )
     others = {file_name(other) for other in (*(g.name for g in kept if g.name != name), *taken)}
     if file_name(wanted) in others:
-        raise StyleError(f"There is a grain called '{wanted}' already: choose another name.")
+        raise StyleError(f"A grain called '{wanted}' exists already: choose another name.")
     return tuple(
         replace(grain, recipe=replace(grain.recipe, name=wanted)) if grain.name == name else grain
         for grain in kept

@@ -37,7 +37,7 @@ def check_latent(learner: StyleLearner, latent: Float[np.ndarray, " d"]) -> Floa
     vector = np.array(latent, dtype=np.float64)
     if vector.shape != (learner.dimension,) or not np.isfinite(vector).all():
         raise StyleError(
-            f"A latent vector of shape {vector.shape} does not belong to this style-learner, or is not "
+            f"A latent vector of shape {vector.shape} does not fit this style-learner, or is not "
             f"finite: give {learner.dimension} finite numbers."
         )
     return vector
@@ -64,7 +64,7 @@ def add_noise(
     """
     if not (np.isfinite(sigma) and sigma >= 0) or count < 1:
         raise StyleError(
-            f"Noise of sigma = {sigma} for {count} grains cannot be: give sigma >= 0, count >= 1."
+            f"Noise of sigma = {sigma} for {count} grains is not possible: give sigma >= 0 and count >= 1."
         )
     here = check_latent(learner, latent)
     values, vectors = np.linalg.eigh(_covariance(learner))
@@ -135,7 +135,7 @@ def morph(
         If there are fewer than two steps, or a latent vector is none of this learner.
     """
     if steps < 2:
-        raise StyleError(f"The interpolation cannot have {steps} steps: give 2 or more.")
+        raise StyleError(f"The interpolation needs at least two steps, its ends, not {steps}.")
     shares = np.linspace(0.0, 1.0, _FINE * (steps - 1) + 1)
     for _ in range(2):
         logs = log_radii(learner.decode(interpolate(learner, first, second, shares)))
@@ -167,7 +167,9 @@ def blend(
     vectors = [check_latent(learner, latent) for latent in latents]
     share = np.asarray(weights, dtype=np.float64)
     if not vectors or share.shape != (len(vectors),) or not np.isfinite(share).all():
-        raise StyleError(f"{len(vectors)} grains need as many finite weights, not {list(weights)}.")
+        raise StyleError(
+            f"{len(vectors)} grains need the same number of finite weights, not {list(weights)}."
+        )
     alike = np.stack([vectors[0], *(align_to(learner, vectors[0], other) for other in vectors[1:])])
     mean = mean_latent(learner)
     summed: np.ndarray = mean + share @ (alike - mean)
@@ -275,7 +277,7 @@ def latent_map(learner: StyleLearner) -> LatentMap:
     away = (learner.latents - mean) * weight
     _, singular, rows = np.linalg.svd(away, full_matrices=False)
     if len(singular) < 2 or singular[1] <= 1e-9 * max(singular[0], 1e-300):
-        raise StyleError("The parents differ in fewer than two directions: there is no map of them.")
+        raise StyleError("The parents differ in fewer than two directions, so they cannot be mapped.")
     size = singular[:2] / np.sqrt(len(away))
     inverse = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
     share = np.square(singular[:2]) / np.square(singular).sum()

@@ -117,7 +117,7 @@ def read_recipe(record: Mapping[str, Any]) -> Recipe:
         latent = tuple(float(value) for value in record["z"])
         return Recipe(str(record["name"]), latent, steps, str(record["style"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise StyleError(f"A recipe of a grain lacks {error}, or holds something else there.") from None
+        raise StyleError(f"{error} of a recipe is missing or invalid.") from None
 
 
 def style_digest(learner: StyleLearner) -> str:
@@ -142,7 +142,7 @@ def carry_out(
     """
     if operation.kind not in OPERATIONS:
         raise StyleError(
-            f"'{operation.kind}' is no operation on latent vectors: use {', '.join(OPERATIONS)}."
+            f"'{operation.kind}' is not an operation on latent vectors: use {', '.join(OPERATIONS)}."
         )
     here = by_hand.check_latent(learner, latent)
     try:
@@ -246,7 +246,9 @@ def _restore_locked(
 
 def _require_meanings(meanings: Meanings | None) -> Meanings:
     if meanings is None:
-        raise StyleError("The meanings of this style-learner are not there yet: wait a moment and try again.")
+        raise StyleError(
+            "The meanings of this style-learner are still being learned: wait a moment and try again."
+        )
     return meanings
 
 

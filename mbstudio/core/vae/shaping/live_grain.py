@@ -106,13 +106,6 @@ def live_grain(
     )  # fmt: skip
 
 
-def quick_surface(
-    control: Float64[np.ndarray, "4 n"], cells: int
-) -> tuple[Float32[np.ndarray, "m 3"], Int64[np.ndarray, "t 3"], Float32[np.ndarray, "m 3"]]:
-    """Return points, outward triangles and normals of f = 1, `cells` along the longest side."""
-    return surface_on_grid(*sample_solid(control, cells), control)
-
-
 def surface_on_grid(
     field: np.ndarray, origin: Float64[np.ndarray, "3"], spacing: float, control: Float64[np.ndarray, "4 n"]
 ) -> tuple[Float32[np.ndarray, "m 3"], Int64[np.ndarray, "t 3"], Float32[np.ndarray, "m 3"]]:

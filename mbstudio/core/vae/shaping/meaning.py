@@ -84,7 +84,7 @@ class Meanings:
         flat = [name for name, value in zip(MEANINGS, deviation, strict=True) if not value > 1e-9]
         if flat:
             raise StyleError(
-                f"The parents do not differ in {', '.join(flat)}: such a direction has no meaning for them. "
+                f"The parents do not differ in {', '.join(flat)}: such a direction would have no meaning. "
                 "Learn from grains that differ."
             )
         return cls(learner, known)
@@ -214,7 +214,7 @@ class Meanings:
         if not targets or not all(np.isfinite(value) and value > 0 for value in targets.values()):
             raise StyleError("Give at least one target, each a finite number above 0: for example csf=0.6.")
         if not tolerance > 0:
-            raise StyleError(f"A relative error of {tolerance} cannot be undercut: give more than 0.")
+            raise StyleError(f"The relative error must be above 0, not {tolerance}.")
         goal, slack = np.zeros(len(MEANINGS)), np.full(len(MEANINGS), np.inf)
         for name, value in targets.items():
             row = MEANINGS.index(name)
@@ -287,9 +287,9 @@ class Meanings:
     def _require_known(self, names: Mapping[str, float]) -> None:
         for name, value in names.items():
             if name not in MEANINGS:
-                raise StyleError(f"'{name}' is no meaning of the latent space: use {', '.join(MEANINGS)}.")
+                raise StyleError(f"'{name}' is not a meaning of the latent space: use {', '.join(MEANINGS)}.")
             if not np.isfinite(value):
-                raise StyleError(f"'{name}' cannot be {value}: give a finite number.")
+                raise StyleError(f"The value of '{name}' must be a finite number, not {value}.")
 
 
 def _measured_in_parts(
@@ -364,7 +364,7 @@ def add_difference(
         If the strength is not finite, or a latent vector none of this learner.
     """
     if not np.isfinite(strength):
-        raise StyleError(f"A difference cannot be added {strength} times: give a finite number.")
+        raise StyleError(f"The strength of a difference must be a finite number, not {strength}.")
     here = check_latent(learner, base)
     first = align_to(learner, here, plus)
     second = align_to(learner, first, minus)

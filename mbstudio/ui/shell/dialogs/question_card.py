@@ -41,7 +41,7 @@ class QuestionCard(QFrame):
         for name, text in answers:
             self.buttons[name] = quiet_button(text) if self.buttons else primary_button(text)
         self.buttons[CANCEL] = quiet_button(tr("Cancel"))
-        self.buttons[CANCEL].setToolTip(tr("Go on working (Esc)"))
+        self.buttons[CANCEL].setToolTip(tr("Keep working (Esc)"))
         words = QVBoxLayout()
         words.setSpacing(2)
         words.addWidget(self._question)

@@ -271,7 +271,7 @@ class ExportPanel(Panel):
         self._density_row.setVisible(target.needs_density)
         self.unit.clear()
         usual = (
-            tr("Usual ({unit})", unit=unit_label(target.default_unit))
+            tr("Default ({unit})", unit=unit_label(target.default_unit))
             if target.default_unit
             else tr("As in the scan")
         )

@@ -105,7 +105,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             (
                 mark("IoU"),
                 f"{figures['iou']:.4f}",
-                mark("Shared volume of clump and avatar over the volume of their union"),
+                mark("Volume that clump and avatar share, over the volume of their union"),
             ),
             (mark("Volume error"), _percent(figures["volume_error"]), mark("Of the union of spheres")),
             (
@@ -117,7 +117,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
             (
                 mark("Smallest radius"),
                 _length(preview, "smallest_radius_length"),
-                mark("It limits the time step in most engines"),
+                mark("Limits the time step in most engines"),
             ),
         ]
     if preview.geometry == "mesh":
@@ -132,7 +132,7 @@ def _lines(preview: ExportPreview) -> list[tuple[str, str, str]]:
                 ),
                 mark("Of this mesh; cells: edges along the longest side"),
             ),
-            (mark("Smallest angle"), f"{figures['smallest_angle']:.1f}°", mark("Engines refuse slivers")),
+            (mark("Smallest angle"), f"{figures['smallest_angle']:.1f}°", mark("Engines reject slivers")),
             (
                 mark("Watertight"),
                 tr("yes") if figures["watertight"] else tr("no"),

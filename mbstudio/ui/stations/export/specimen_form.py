@@ -117,7 +117,7 @@ class SpecimenForm(QWidget):
         self.width_field = QDoubleSpinBox()
         self.width_field.setRange(0, 1e9)
         self.width_field.setDecimals(3)
-        self.width_field.setSpecialValueText(tr("as it suits"))
+        self.width_field.setSpecialValueText(tr("automatic"))
         self.seed = QSpinBox()
         self.seed.setRange(0, 2**31 - 1)
         for field in (self.count, self.width_field, self.seed):
@@ -146,7 +146,7 @@ class SpecimenForm(QWidget):
         inside.addWidget(
             row(tr("Particles"), self.count, tr("Avatars, scaled to their sizes and randomly rotated"))
         )
-        inside.addWidget(row(tr("Sizes in"), self.unit, tr("Of the curve and of the box's width")))
+        inside.addWidget(row(tr("Sizes in"), self.unit, tr("Unit of the curve and of the box width")))
         inside.addWidget(self.table)
         inside.addLayout(buttons)
         inside.addWidget(self.refusal)
@@ -156,7 +156,7 @@ class SpecimenForm(QWidget):
             row(
                 tr("Width of the box"),
                 self.width_field,
-                tr("Of the box of insertion; 0: about half its height"),
+                tr("Width of the insertion box; automatic: about half its height"),
             )
         )
         inside.addWidget(row(tr("Seed"), self.seed, tr("The same seed gives the same specimen")))

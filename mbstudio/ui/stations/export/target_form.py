@@ -26,7 +26,7 @@ _AIMS = (
 _TIPS = {
     "": mark("Every grain gets this many spheres"),
     "iou": mark(
-        "Shared volume of clump and avatar over the volume of their union, with as few spheres as possible"
+        "Volume that clump and avatar share, over the volume of their union, with as few spheres as possible"
     ),
     "hausdorff": mark("Largest distance between the two surfaces over Dₙ, with as few spheres as possible"),
     "volume": mark("Error of the clump's volume, with as few spheres as possible"),
@@ -62,7 +62,9 @@ class ClumpChoice(QWidget):
         self._number_row = row(tr("Spheres in each clump"), self.number, tr(_TIPS[""]))
         self._limit_row = row(tr("Limit"), self.limit, "")
         self._most_row = row(
-            tr("Spheres at most"), self.most, tr("If this many do not reach the goal, the best clump is used")
+            tr("Maximum number of spheres"),
+            self.most,
+            tr("If this many do not reach the goal, the best clump is used"),
         )
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -153,7 +155,7 @@ class TargetForm(QWidget):
                 self._layout.addWidget(row(option_title(name), field, option.meaning))
         cells, error = self.fields.get("cells"), self.fields.get("error")
         if isinstance(error, QDoubleSpinBox) and cells is not None:
-            error.setSpecialValueText(tr("any: by cells"))
+            error.setSpecialValueText(tr("any (set by cells)"))
             error.valueChanged.connect(lambda value: cells.setEnabled(value == 0))
         self.setVisible(bool(target.options))
 

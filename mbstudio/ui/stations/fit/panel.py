@@ -84,7 +84,7 @@ class FitPanel(Panel):
         self.target = QLineEdit()
         self.target.setPlaceholderText(tr("none, or volume 0.5 % and hausdorff 2 %"))
         self.target.setClearButtonEnabled(True)
-        self.target.setAccessibleName(tr("Target"))
+        self.target.setAccessibleName(tr("Goal"))
         tip = tr(
             "<p>The goals that an avatar must meet with as few control points as possible: "
             "measures and limits joined by <i>and</i>. Errors of any factor (volume, area, "
@@ -99,7 +99,7 @@ class FitPanel(Panel):
         self.sweep_button.setToolTip(
             tr("Fit the selected grains with several n and compare the accuracy of their avatars")
         )
-        name = label(tr("Target"), "key")
+        name = label(tr("Goal"), "key")
         name.setBuddy(self.target)
         name.setToolTip(tip)
         self.add_heading(tr("Avatar"))
@@ -273,7 +273,7 @@ class FitPanel(Panel):
         self._going_on.setVisible(self._work.can_go_on(label_))
         left = len(self._work.unfitted())
         self.all_button.setText(
-            tr("Fit all {count} grains without avatar", count=left) if left else tr("Fit all grains")
+            tr("Fit all {count} grains without an avatar", count=left) if left else tr("Fit all grains")
         )
         self._show_result(state.fits.get(label_) if label_ is not None else None)
 
@@ -302,7 +302,7 @@ class FitPanel(Panel):
             text += f" · {neck}"
         if fit.target:
             aims = FitGoal.parse(fit.target)
-            met = tr("Target reached") if reaches_goals(fit) else tr("Target not reached")
+            met = tr("Goal reached") if reaches_goals(fit) else tr("Goal not reached")
             text += f"\n{met}: {aims.describe(fit.reached)}" if fit.reached else f"\n{met}"
         self._reasons.setText("\n".join((*verdict.reasons, *verdict.warnings, text)))
         self._reasons.show()

@@ -28,7 +28,7 @@ def describe_fit(label: int, fit: FitResult) -> str:
     )
     if fit.target and reaches_goals(fit):
         reached = FitGoal.parse(fit.target).describe(fit.reached)
-        told = " ".join((told, tr("It reaches the target: {figures}.", figures=reached)))
+        told = " ".join((told, tr("It reaches the goal: {figures}.", figures=reached)))
     return told
 
 
@@ -53,7 +53,7 @@ def describe_fits(fits: Mapping[int, FitResult], failed: Sequence[Any]) -> tuple
     aimed = [fit for fit in fits.values() if fit.target]
     if aimed:
         reached = sum(reaches_goals(fit) for fit in aimed)
-        told.append(tr("{reached} of {aimed} reach the target.", reached=reached, aimed=len(aimed)))
+        told.append(tr("{reached} of {aimed} reach the goal.", reached=reached, aimed=len(aimed)))
     if bad:
         told.append(
             tr("Not valid: grain {labels}. More control points usually help.", labels=_list_labels(bad))

@@ -142,7 +142,7 @@ class Gallery(QFrame):
         self.add.setAccessibleName(tr("Add a range"))
         self.all = QToolButton()
         icons.set(self.all, "ph.selection-all")
-        self.all.setToolTip(tr("Select all that are shown, also in table, plots and view"))
+        self.all.setToolTip(tr("Select all bodies shown, also in the table, the plots and the view"))
         self.all.setAccessibleName(tr("Select all that are shown"))
         self.list = BodyList()
         self._hint = label("", "emptyPlot", wrap=True)

@@ -121,7 +121,7 @@ class MeshWork(Work):
                     unread.append((path, str(error)))
             return None, unread
 
-        def take(found: tuple[FirstStone | None, list[tuple[Path, str]]]) -> None:
+        def ask_about(found: tuple[FirstStone | None, list[tuple[Path, str]]]) -> None:
             first, unread = found
             if first is None and len(unread) == len(files):
                 self.opened.emit(OpenedMeshes(None, (*left_out, *unread), ()))
@@ -129,7 +129,7 @@ class MeshWork(Work):
                 self.asked.emit(files, first, list(left_out))
 
         task = Task(tr("Looking at {name}", name=files[0].name), work)
-        task.succeeded.connect(take)
+        task.succeeded.connect(ask_about)
         return self.queue.submit(task)
 
     def open_answered(self, answer: MeshAnswer, left_out: LeftOut = ()) -> Task:
@@ -141,10 +141,10 @@ class MeshWork(Work):
             else tr("Opening {count} meshes", count=len(answer.paths)),
             lambda control: _open(answer, left_out, control),
         )
-        task.succeeded.connect(lambda opened: self._take(opened, answer, before))
+        task.succeeded.connect(lambda opened: self._use_meshes(opened, answer, before))
         return self.queue.submit(task)
 
-    def _take(self, opened: OpenedMeshes, answer: MeshAnswer, before: ScanReference | None) -> None:
+    def _use_meshes(self, opened: OpenedMeshes, answer: MeshAnswer, before: ScanReference | None) -> None:
         if self.workspace.state.scan is not before:
             self.said.emit("warning", tr("A scan was opened in the meantime, so the meshes were not taken."))
             return

@@ -74,8 +74,11 @@ class GrainPanel(Panel):
             default.splitting,
             0.01,
             "{:.2f}",
-            tr("How readily touching grains are separated: too low merges them, too high breaks them"),
-            (tr("seldom"), tr("readily")),
+            tr(
+                "How strongly touching grains are split: too low a value merges grains, too high a value "
+                "breaks them"
+            ),
+            (tr("less"), tr("more")),
         )
         self.smallest = QSpinBox()
         self.smallest.setRange(1, 1_000_000)
@@ -100,8 +103,8 @@ class GrainPanel(Panel):
                 tr("Threshold"),
                 self.threshold_kind,
                 tr(
-                    "Grey value that separates grains from pores; automatic: half-way between what meets "
-                    "at their surfaces, which may differ from place to place"
+                    "Grey value that separates grains from pores; automatic: half-way between the grey "
+                    "values on both sides of their surfaces, which may vary from place to place"
                 ),
             ),
         ):
@@ -147,7 +150,7 @@ class GrainPanel(Panel):
         self.find_button = primary_button(tr("Find grains"))
         self.load_button = quiet_button(tr("Load labels…"))
         self.load_button.setToolTip(
-            tr("Load a label image made with another program (such as ilastik), of the scan's shape")
+            tr("Load a label image made with another program (such as ilastik), with the shape of the scan")
         )
         self.meshes_button = quiet_button(tr("Open meshes…"))
         self._hint = label("", "hint", wrap=True)

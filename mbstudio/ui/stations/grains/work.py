@@ -57,7 +57,7 @@ class GrainWork(Work):
             return grains, _notes(told, GrainWarning)
 
         task = Task(tr("Loading {name}", name=path.name), work)
-        task.succeeded.connect(lambda loaded: self._take(scan, loaded[0], None, loaded[1]))
+        task.succeeded.connect(lambda loaded: self._keep_grains(scan, loaded[0], None, loaded[1]))
         task.handled = (SeveralArraysError,)
         task.failed.connect(self._ask_which)
         return self.queue.submit(task)
@@ -66,7 +66,7 @@ class GrainWork(Work):
         if isinstance(error, SeveralArraysError):
             self.several.emit(error, self.load)
 
-    def _take(
+    def _keep_grains(
         self,
         scan: object,
         grains: GrainSet,

@@ -120,11 +120,11 @@ def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[
         ),
         Command(
             id="latent.another",
-            title=tr("Another one"),
+            title=tr("Draw new noise"),
             run=at_station(panel.draw_another),
             menu="Latent",
             shortcut="Ctrl+Shift+A",
-            tip=tr("Draw other noise of the same strength"),
+            tip=tr("Draw new noise of the same strength"),
             enabled=has_grain,
         ),
         Command(
@@ -138,7 +138,7 @@ def _shape(work: LatentWork, panel: LatentPanel, at_station: AtStation) -> list[
         ),
         Command(
             id="latent.beyond",
-            title=tr("Allow far outside"),
+            title=tr("Allow grains far outside"),
             run=panel.beyond.setChecked,
             menu="Latent",
             tip=tr("Allow grains far outside the parents' range instead of holding them at its edge"),

@@ -56,8 +56,8 @@ def _explained(plot: QWidget) -> QWidget:
     line.addWidget(
         label(
             tr(
-                "Small dots: parents. Rings: clones. Squares: kept grains. Large dot: the grain under the "
-                "hand. Click to see the grain there, drag to walk."
+                "Small dots: parents. Rings: clones. Squares: kept grains. Large dot: the current "
+                "grain. Click to show the grain there, or drag to follow the pointer."
             ),
             "hint",
             wrap=True,

@@ -40,10 +40,10 @@ def show_lights(
         set_badge(light, tr("No grain"), "quiet")
     elif grain.is_sound and beyond:
         set_badge(light, tr("● Far outside the parents"), "bad")
-        light.setToolTip(tr("One piece, no void, but nothing is known of such grains: look at its factors"))
+        light.setToolTip(tr("One piece without voids, but far from all parents: check its factors"))
     elif grain.is_sound:
         set_badge(light, tr("● Valid"), "good")
-        light.setToolTip(tr("One piece, no void"))
+        light.setToolTip(tr("One piece without voids"))
     else:
         wrong = (
             tr("● {count} pieces", count=grain.pieces)
@@ -51,7 +51,7 @@ def show_lights(
             else tr("● {count} voids", count=grain.voids)
         )
         set_badge(light, wrong, "bad")
-        light.setToolTip(tr("Not valid: a DEM engine takes one piece without void"))
+        light.setToolTip(tr("Not valid: a DEM engine needs one piece without voids"))
 
 
 class Radar(QWidget):

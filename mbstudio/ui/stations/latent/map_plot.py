@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyqtgraph as pg
 from jaxtyping import Float
-from PySide6.QtCore import QPointF, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QColor, QFocusEvent, QKeyEvent
 
 from mbstudio.ui.language import tr
@@ -169,11 +169,6 @@ class LatentMapPlot(Plot):
     def here(self) -> Float[np.ndarray, "2"] | None:
         """Where the grain under the hand is marked."""
         return self._places[2][0] if len(self._places[2]) else None
-
-    def pixel_of(self, place: Float[np.ndarray, "2"]) -> QPointF:
-        """Return where a place of the map is in the widget, in pixels."""
-        scene = self.box.mapViewToScene(QPointF(float(place[0]), float(place[1])))
-        return QPointF(self.mapFromScene(scene))
 
     def repaint_theme(self) -> None:
         super().repaint_theme()

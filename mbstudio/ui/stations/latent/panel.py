@@ -97,14 +97,14 @@ class LatentPanel(Panel):
         self._inner = QVBoxLayout(self._shaping)
         self._inner.setContentsMargins(0, 0, 0, 0)
         self._inner.setSpacing(9)
-        self._inner.addWidget(label(tr("What it means"), "heading"))
+        self._inner.addWidget(label(tr("Size and shape"), "heading"))
         self._learning = label("", "hint", wrap=True)
         self._inner.addWidget(self._learning)
         self.meanings: dict[str, ValueSlider] = {}
         for name in MEANINGS:
             held = ", ".join(tr(LATENT_MEANINGS[other].plain) for other in HELD[name])
             slider = ValueSlider(
-                tr(LATENT_MEANINGS[name].title), self._icons, tr("Holds still: {factors}.", factors=held)
+                tr(LATENT_MEANINGS[name].title), self._icons, tr("Keeps constant: {factors}.", factors=held)
             )
             self.meanings[name] = slider
             self._inner.addWidget(slider)
@@ -112,16 +112,16 @@ class LatentPanel(Panel):
 
     def _make_noise(self) -> None:
         self._inner.addSpacing(6)
-        self._inner.addWidget(label(tr("Chance"), "heading"))
+        self._inner.addWidget(label(tr("Random variation"), "heading"))
         self.noise = ValueSlider(
             tr("Noise σ"),
             self._icons,
-            tr("0 changes nothing, 1 deviates as much as another parent"),
+            tr("0 changes nothing; 1 deviates as much as another parent does"),
             lock=False,
         )
         self.noise.set_range(0.0, _MOST_NOISE, 0.0, decimals=2)
-        self.another, self.randomise = QPushButton(tr("Another one")), QPushButton(tr("Randomise"))
-        self.another.setToolTip(tr("Draw other noise of the same strength"))
+        self.another, self.randomise = QPushButton(tr("New noise")), QPushButton(tr("Randomise"))
+        self.another.setToolTip(tr("Draw new noise of the same strength"))
         self.randomise.setToolTip(tr("Draw a new grain in the style of the parents; locked values stay"))
         line = QHBoxLayout()
         line.addWidget(self.another)
@@ -132,14 +132,14 @@ class LatentPanel(Panel):
 
     def _make_components(self) -> None:
         self._inner.addSpacing(6)
-        self._inner.addWidget(label(tr("Latent variables, the strongest first"), "heading"))
+        self._inner.addWidget(label(tr("Latent variables, strongest first"), "heading"))
         self.components: dict[int, ValueSlider] = {}
         self._component_box = QVBoxLayout()
         self._component_box.setSpacing(9)
         self._inner.addLayout(self._component_box)
         self.more = quiet_button(tr("More latent variables"))
         self._inner.addWidget(self.more)
-        self.beyond = QCheckBox(tr("Allow far outside the parents"))
+        self.beyond = QCheckBox(tr("Allow grains far outside the parents"))
         self.beyond.setToolTip(
             tr(
                 "If this is off, grains are held at the edge of the parents' range, and held values "

@@ -40,9 +40,7 @@ class PopulationPanel(Panel):
     shown_changed = Signal(object)
 
     def __init__(self, workspace: Workspace, work: PopulationWork) -> None:
-        super().__init__(
-            tr("Populations"), tr("How grains and avatars are distributed, and how far apart they are.")
-        )
+        super().__init__(tr("Populations"), tr("Distributions of grains and avatars, and how they differ."))
         self._workspace, self._work = workspace, work
         self.scope, self.axes, self.detail = (
             QComboBox(),
@@ -57,13 +55,13 @@ class PopulationPanel(Panel):
         self.detail.setToolTip(
             tr(
                 "Also convexity, inscribed and enclosing sphere, Feret diameters, roundness, roughness and "
-                "the bands of spherical harmonics: about five times as long"
+                "the bands of spherical harmonics: takes about five times as long"
             )
         )
         self.factor, self.second, self.by, self.sieves = QComboBox(), QComboBox(), QComboBox(), QComboBox()
         self.by.addItem(tr("By number"), "number")
         self.by.addItem(tr("By mass"), "volume")
-        self.sieves.addItem(tr("Every body's size"), None)
+        self.sieves.addItem(tr("Size of each body"), None)
         for name, title in SERIES_NAMES.items():
             self.sieves.addItem(title, name)
         self._offer(FACTORS.core)
@@ -76,8 +74,12 @@ class PopulationPanel(Panel):
         )
         self.add_heading(tr("Factor"))
         self.add(
-            row(tr("Factor"), self.factor, tr("Shape factor of the distributions, and across in the pairs")),
-            row(tr("Against"), self.second, tr("Upwards in the pairs")),
+            row(
+                tr("Factor"),
+                self.factor,
+                tr("Shape factor of the distributions, and horizontal axis of the pairs"),
+            ),
+            row(tr("Against"), self.second, tr("Vertical axis of the pairs")),
             row(
                 tr("Weighting"),
                 self.by,
@@ -93,7 +95,7 @@ class PopulationPanel(Panel):
             row(
                 tr("Read at"),
                 self.sieves,
-                tr("Percent finer at every body's intermediate axis b, or on sieves"),
+                tr("Percentage finer at the intermediate axis b of each body, or on sieves"),
             ),
             self.sizes,
             self._sizes_note,
@@ -133,10 +135,6 @@ class PopulationPanel(Panel):
             self.factor.currentData(), self.second.currentData(), self.by.currentData(),
             self.sieves.currentData(),
         )  # fmt: skip
-
-    def look_at(self, factor: str) -> None:
-        """Choose a factor."""
-        self.factor.setCurrentIndex(self.factor.findData(factor))
 
     def refresh(self) -> None:
         """Show the populations that there are, and what can be done now."""

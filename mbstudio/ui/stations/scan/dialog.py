@@ -150,7 +150,9 @@ class ScanDialog(QDialog):
             there = self._path.stat().st_size
             if needed != there:
                 problem = tr(
-                    "These figures need {needed:,} bytes; the file has {there:,}.", needed=needed, there=there
+                    "These settings need {needed:,} bytes; the file has {there:,}.",
+                    needed=needed,
+                    there=there,
                 )
                 good = needed <= there
         self._problem.setText(problem)

@@ -156,7 +156,7 @@ class ScanWork(Work):
             return _opened(scan, tr("Show the whole scan"), _name_of(scan), control)
 
         task = Task(tr("Opening {name}", name=reference.path.name), work)
-        task.succeeded.connect(self._take)
+        task.succeeded.connect(self._use_scan)
         return self.queue.submit(task)
 
     def reopen(self) -> Task | None:
@@ -165,7 +165,7 @@ class ScanWork(Work):
         if reference is None:
             return None
         task = Task(tr("Opening the project's scan"), lambda control: project.scan_of(reference))
-        task.succeeded.connect(lambda scan: self._give(project, reference, scan))
+        task.succeeded.connect(lambda scan: self._give_scan(project, reference, scan))
         task.handled = (ScanError,)
         task.failed.connect(lambda error: self._report_missing(project, error))
         return self.queue.submit(task)
@@ -188,7 +188,7 @@ class ScanWork(Work):
         task.failed.connect(lambda error: self._report_missing(project, error))
         return self.queue.submit(task)
 
-    def _miss(self, project: object, error: Exception) -> None:
+    def _report_missing(self, project: object, error: Exception) -> None:
         cause = error.__cause__ if isinstance(error.__cause__, SeveralArraysError) else error
         if project is self.workspace.project and isinstance(cause, SeveralArraysError):
             self.several.emit(cause, self.relocate)
@@ -196,7 +196,7 @@ class ScanWork(Work):
             # The window has a button where the command line has an option.
             self.missing.emit(str(error).replace(HOW_TO_RELOCATE, tr("locate the file")))
 
-    def _give(self, project: object, reference: ScanReference, scan: Scan) -> None:
+    def _give_scan(self, project: object, reference: ScanReference, scan: Scan) -> None:
         now = self.workspace.state.scan
         # Undo may have gone to another scan since.
         if project is self.workspace.project and now is not None and now.identity == reference.identity:
@@ -219,9 +219,9 @@ class ScanWork(Work):
         if self.workspace.scan is not scan:
             self.said.emit("warning", tr("The scan has changed since: choose the part again."))
             return
-        self._take(opened)
+        self._use_scan(opened)
 
-    def _take(self, opened: OpenedScan) -> None:
+    def _use_scan(self, opened: OpenedScan) -> None:
         self.workspace.use_scan(opened.scan, opened.reference, opened.title)
         shape = " × ".join(str(count) for count in opened.scan.shape)
         told = tr(

@@ -135,7 +135,7 @@ class CloneWork(Work):
         ]
         if missed:
             names = ", ".join(figure.what for figure in missed)
-            told.append(tr("Not fully reached: {figures}.", figures=names))
+            told.append(tr("Conditions not fully met: {figures}.", figures=names))
         self.said.emit("warning" if missed else "success", " ".join(told))
         self.assess()
 

@@ -46,7 +46,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
         ),
         Command(
             id="style.learn_on",
-            title=tr("Learn on"),
+            title=tr("Continue learning"),
             run=learn_on,
             menu="Style",
             icon="ph.graduation-cap",
@@ -77,7 +77,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             run=work.run.cancel,
             menu="Style",
             icon="ph.x-circle",
-            tip=tr("Cancel; the present style-learner stays"),
+            tip=tr("Cancel and keep the current style-learner"),
             enabled=lambda: work.run.is_running,
         ),
         Command(
@@ -86,7 +86,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             run=link.ask_style,
             menu="Style",
             icon="ph.folder-open",
-            tip=tr("Open a folder that holds a style-learner"),
+            tip=tr("Open a folder that contains a style-learner"),
             enabled=lambda: not work.run.is_running,
             separated=True,
         ),
@@ -128,7 +128,7 @@ def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: St
             run=clone_work.run.cancel,
             menu="Style",
             icon="ph.x-circle",
-            tip=tr("Cancel; the present clones stay"),
+            tip=tr("Cancel and keep the current clones"),
             enabled=lambda: clone_work.run.is_running,
         ),
         Command(

@@ -155,7 +155,7 @@ class GeneratePage(QWidget):
             self._clone.setText(tr("{count} clones", count=len(clones)))
             self._facts.setText(
                 tr(
-                    "Of {candidates} candidates {valid} were valid as drawn and {repaired} were repaired. "
+                    "Of {candidates} candidates {valid} were valid when drawn and {repaired} were repaired. "
                     "Click a clone in the view, or a row of the table, to look at it.",
                     candidates=counts.candidates,
                     valid=counts.valid,
@@ -168,7 +168,7 @@ class GeneratePage(QWidget):
             drawn = (
                 tr("Drawn from {parent}", parent=learner.parents.names[parent])
                 if learner is not None and 0 <= parent < len(learner.parents)
-                else tr("Drawn from no single parent")
+                else tr("Not drawn from a single parent")
             )
             self._clone.setText(tr("Clone {number}", number=chosen))
             self._facts.setText(tr("{drawn} · n = {n} · valid", drawn=drawn, n=clones.clones.template.n))

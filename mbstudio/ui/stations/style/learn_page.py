@@ -63,7 +63,7 @@ class LearnPage(QWidget):
         self.n.setValue(40)
         self.steps.setRange(0, 1_000_000)
         self.steps.setSingleStep(500)
-        self.steps.setSpecialValueText(tr("as usual"))
+        self.steps.setSpecialValueText(tr("default"))
         self.seed.setRange(0, 2**31 - 1)
         self.folder = QLineEdit()
         self.folder.setPlaceholderText(tr("Folder of STL, PLY, OBJ or OFF files"))
@@ -74,8 +74,8 @@ class LearnPage(QWidget):
         self._explained = label("", "hint", wrap=True)
         self._advice = label("", "hint", wrap=True)
         self.take_pca = quiet_button(tr("Use principal components"))
-        self._card = label("", "hint", wrap=True)
-        self._card_name = label("", "key", wrap=True)
+        self.card = label("", "hint", wrap=True)
+        self.card_name = label("", "key", wrap=True)
         self.open_button, self.save_button = QPushButton(tr("Open…")), QPushButton(tr("Save…"))
         self.open_button.setToolTip(tr("Open the folder of a style-learner, as written by “mbstudio learn”"))
         self.save_button.setToolTip(tr("Write the style-learner into a folder, for “mbstudio generate” too"))
@@ -100,7 +100,7 @@ class LearnPage(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
         for part in (
-            row(tr("Parents"), self.source, tr("The bodies whose form and size are learned")),
+            row(tr("Parents"), self.source, tr("The bodies whose shape and size are learned")),
             self._folder_rows,
             row(tr("Preset"), self.preset, tr("Kind of style-learner")),
             self._explained,
@@ -114,7 +114,7 @@ class LearnPage(QWidget):
             row(
                 tr("Steps"),
                 self.steps,
-                tr("Steps of the training; as usual: 4000, or 2000 with fewer than 100 parents (aligned)"),
+                tr("Steps of the training; default: 4000, or 2000 with fewer than 100 parents (aligned)"),
             ),
             row(tr("Seed"), self.seed, tr("The same seed gives the same style-learner")),
         ):
@@ -123,8 +123,8 @@ class LearnPage(QWidget):
             field.setFixedWidth(_WIDE)
         layout.addSpacing(8)
         layout.addWidget(label(tr("Style-learner"), "heading"))
-        layout.addWidget(self._card_name)
-        layout.addWidget(self._card)
+        layout.addWidget(self.card_name)
+        layout.addWidget(self.card)
         layout.addLayout(buttons)
         layout.addStretch(1)
 
@@ -133,21 +133,21 @@ class LearnPage(QWidget):
         layout = QVBoxLayout(self.foot)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(8)
-        self._hint = label("", "hint", wrap=True)
+        self.hint = label("", "hint", wrap=True)
         self.learn_button = primary_button(tr("Learn"))
-        self.on_button = QPushButton(tr("Learn on"))
+        self.on_button = QPushButton(tr("Continue learning"))
         self.on_button.setToolTip(tr("Teach the style-learner new grains without forgetting the old ones"))
         self.pause_button, self.stop_button = QPushButton(tr("Pause")), QPushButton(tr("Stop and keep"))
         self.cancel_button = QPushButton(tr("Cancel"))
         self.stop_button.setToolTip(tr("Stop the training and keep its best state"))
-        self.cancel_button.setToolTip(tr("Cancel; the present style-learner stays"))
+        self.cancel_button.setToolTip(tr("Cancel and keep the current style-learner"))
         self._running = QWidget()
         line = QHBoxLayout(self._running)
         line.setContentsMargins(0, 0, 0, 0)
         line.setSpacing(8)
         for button in (self.pause_button, self.stop_button, self.cancel_button):
             line.addWidget(button, 1)
-        for part in (self._hint, self.learn_button, self.on_button, self._running):
+        for part in (self.hint, self.learn_button, self.on_button, self._running):
             layout.addWidget(part)
 
     def _connect(self) -> None:
@@ -257,13 +257,13 @@ class LearnPage(QWidget):
         )
         self.on_button.setVisible(not running and has_new)
         self.on_button.setText(
-            tr("Learn on") if folder else tr("Learn on from {count} new parents", count=new)
+            tr("Continue learning") if folder else tr("Continue learning with {count} new parents", count=new)
         )
         self._running.setVisible(running)
         self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
         hint = self._state() if running else "" if ready else self._explain_unready(folder, count)
-        self._hint.setText(hint)
-        self._hint.setVisible(bool(hint))
+        self.hint.setText(hint)
+        self.hint.setVisible(bool(hint))
 
     def _state(self) -> str:
         """Return what runs, how far it is and how long it takes still."""
@@ -279,19 +279,19 @@ class LearnPage(QWidget):
     def _show_card(self) -> None:
         learner = self._workspace.style
         if learner is None:
-            self._card_name.setText(tr("None yet"))
-            self._card.setText(tr("Learn one above, or open a saved one."))
+            self.card_name.setText(tr("None yet"))
+            self.card.setText(tr("Learn one above, or open a saved one."))
             return
         card = learner.card
         title = find_preset(card.preset).title
         unit = unit_label(card.unit)
-        self._card_name.setText(tr("{preset} of {count} parents", preset=tr(title), count=card.count))
+        self.card_name.setText(tr("{preset}, {count} parents", preset=tr(title), count=card.count))
         errors = [
             tr(words, error=percent(value))
             for words, value in (
                 (mark("Held-out error {error}"), card.held_out_rms),
-                (mark("of seen parents {error}"), card.trained_rms),
-                (mark("avatars of their grains {error}"), card.parents_rms),
+                (mark("seen parents {error}"), card.trained_rms),
+                (mark("avatars against their grains {error}"), card.parents_rms),
             )
             if np.isfinite(value)
         ]
@@ -310,14 +310,4 @@ class LearnPage(QWidget):
             else tr("Seed {seed}", seed=card.seed),
             *card.notes,
         ]
-        self._card.setText("\n".join(line for line in lines if line))
-
-    @property
-    def card_text(self) -> str:
-        """What the card says."""
-        return f"{self._card_name.text()}\n{self._card.text()}"
-
-    @property
-    def hint_text(self) -> str:
-        """What stands above the buttons."""
-        return self._hint.text()
+        self.card.setText("\n".join(line for line in lines if line))

@@ -33,13 +33,13 @@ _HEADS = (
     mark("Factor"), mark("Mean"), mark("δ mean"), _TRUE, mark("Std. dev."), mark("δ s.d."), _TRUE,
     mark("K-S D"), _TRUE,
 )  # fmt: skip
-_TRUE_TIP = mark("What as many true new grains would score: one sample in twenty exceeds it")
+_TRUE_TIP = mark("The score that one in twenty samples of as many true new grains exceeds")
 _TIPS = (
     mark("The paper's six factors"),
-    mark("Mean of the clones; of the parents in brackets"),
+    mark("Mean of the clones; that of the parents in brackets"),
     mark("100 |clones − parents| / |parents| of the means"),
     _TRUE_TIP,
-    mark("Standard deviation of the clones; of the parents in brackets"),
+    mark("Standard deviation of the clones; that of the parents in brackets"),
     mark("100 |clones − parents| / |parents| of the standard deviations"),
     _TRUE_TIP,
     mark("Kolmogorov–Smirnov: largest distance of the two cumulative distributions"),
@@ -48,7 +48,7 @@ _TIPS = (
 _FACTS = (
     (
         mark("Novelty"),
-        mark("Median distance to the nearest parent over the parents' own: 1 is as new as real grains"),
+        mark("Median distance to the nearest parent over the parents' own: 1 means as new as real grains"),
     ),
     (
         mark("Copies"),
@@ -56,15 +56,15 @@ _FACTS = (
     ),
     (
         mark("Diversity"),
-        mark("Median distance to the nearest other clone over that of the parents: 1 is as varied"),
+        mark("Median distance to the nearest other clone over that of the parents: 1 means equally varied"),
     ),
     (
         mark("Valid"),
-        mark("Share of the candidates that were one body without void as drawn, and of the clones"),
+        mark("Share of the candidates, and of the clones, that are one body without voids"),
     ),
     (
-        mark("Told from parents"),
-        mark("Area under the curve of a random forest that tells them apart: 0.5 is guessing"),
+        mark("Recognised as clones"),
+        mark("Area under the ROC curve of a random forest that tells clones from parents: 0.5 is guessing"),
     ),
 )
 
@@ -151,13 +151,13 @@ class QualityTable(QFrame):
         told, new = quality.discrimination, quality.novelty
         valid = tr("{kept:.0f} % of the clones", kept=100 * quality.valid_after)
         if quality.valid_before is not None:
-            valid = tr("{drawn:.0f} % as drawn, {valid}", drawn=100 * quality.valid_before, valid=valid)
+            valid = tr("{drawn:.0f} % when drawn, {valid}", drawn=100 * quality.valid_before, valid=valid)
         facts = {
             "Novelty": f"{new.novelty:.2f}",
             "Copies": f"{100 * new.copies:.1f} %",
             "Diversity": f"{new.diversity:.2f}",
             "Valid": valid,
-            "Told from parents": tr("too few to say")
+            "Recognised as clones": tr("too few to tell")
             if told is None
             else f"{told.auc:.2f} ± {told.error:.2f}",
         }

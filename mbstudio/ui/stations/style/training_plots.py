@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.models.training_step import TrainingStep
 
 EMPTY = mark("Curves are drawn here\nwhile a style is learned")
-AT_ONCE = mark("Principal components are found\nat once: there is no training")
+AT_ONCE = mark("Principal components are found\nat once, without training")
 
 
 def signed_log(values: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
@@ -173,15 +173,15 @@ class TrainingPlots(QFrame):
         )
         self.items.setToolTip(
             tr(
-                "What is minimised, mean over the steps of a record: how well parents are reproduced (in "
-                "preset aligned a negative log likelihood, which may fall below zero), and how far the "
-                "latents are from a normal distribution"
+                "The minimised loss, averaged over the steps of a record: how well parents are reproduced "
+                "(in preset aligned a negative log-likelihood, which may fall below zero), and how far the "
+                "latent vectors are from a normal distribution"
             )
         )
         self.error.setToolTip(
             tr(
-                "Root mean square surface distance of parents that were held out and what the model makes of "
-                "them; the dot is the best state, which is kept"
+                "Root mean square distance between the held-out parents and their reconstructions; the dot "
+                "marks the best state, which is kept"
             )
         )
         self.weight.setToolTip(tr("The annealer raises the weight of the distribution item from 0 to 1"))

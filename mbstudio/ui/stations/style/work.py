@@ -209,7 +209,7 @@ class StyleWork(Work):
             return LearningOn(learner, new, seed=seed)
 
         template = learner.template
-        return self._serialize((), parents, template.n, seed, template, train, tr("Learn on"))
+        return self._serialize((), parents, template.n, seed, template, train, tr("Continue learning"))
 
     def _serialize(
         self, key: tuple[Any, ...], parents: Parents, n: int, seed: int, template: Template | None,

@@ -151,7 +151,7 @@ CASE = {
     "a kind that is not there": (
         "settleDEM_Clusters.mdpa",
         lambda t: re.sub(r"(Elements Cluster3D\n1) \d+", r"\g<1> 9", t),
-        "other kinds",
+        "kinds differ",
     ),
     "a turn that is none": (
         "settleDEM_Clusters.mdpa",
@@ -166,7 +166,7 @@ CASE = {
     "a wall lost": (
         "settleDEM_FEM_boundary.mdpa",
         lambda t: re.sub(r"(RigidFace3D3N\n).*\n", r"\1", t),
-        "no box",
+        "not a box",
     ),
     "another script": ("settle.py", lambda t: t.replace("% 250", "% 25"), "not the script"),
 }

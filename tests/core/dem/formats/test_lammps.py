@@ -194,7 +194,7 @@ CORRUPTIONS = {
             lambda m: m[1] + re.sub(r" (\S+)", lambda d: f" {float(d[1]) / 2}", m[2]) + m[3],
             t,
         ),
-        "another size",
+        "size differs",
     ),
     "masses unbalanced": (_equal_masses, "begins to turn"),
     "masses of another body": (lambda t: re.sub(r"(Masses\n\n1) \S+", r"\1 1e-3", t), "do not sum up"),

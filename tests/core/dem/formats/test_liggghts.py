@@ -147,7 +147,7 @@ CORRUPTIONS = {
     "a column lost": ("multisphere", lambda t: t.rstrip().rsplit(" ", 1)[0], "not four numbers"),
     "a comment, which crashes the engine": ("multisphere", lambda t: "# x y z r\n" + t, "not four numbers"),
     "an empty line": ("multisphere", lambda t: "\n" + t, "not four numbers"),
-    "another unit": ("multisphere", lambda t: t.replace("e-0", "e-1"), "another size"),
+    "another unit": ("multisphere", lambda t: t.replace("e-0", "e-1"), "size differs"),
     "nspheres": ("template", lambda t: t.replace("nspheres 6", "nspheres 5"), "'nspheres' 5"),
     "mass missing": ("template", lambda t: re.sub(r"mass \S+ ", "", t), "lacks 'mass'"),
     "mass of another grain": ("template", lambda t: re.sub(r"mass \S+", "mass 1e-5", t), "'mass' 1e-5"),

@@ -74,9 +74,9 @@ def test_a_corrupted_table_is_refused(kind, folder):
         ("format", "x", "not a metaball file"),
         ("version", 2, "version 2"),
         ("unit", "um", "is in um"),
-        ("weights", [1.0], "holds no metaball"),
-        ("centers", "none", "lacks"),
-        ("pose", {"position": [0, 0, 0], "quaternion": [2, 0, 0, 0]}, "no rotation"),
+        ("weights", [1.0], "does not contain a metaball"),
+        ("centers", "none", "missing or invalid"),
+        ("pose", {"position": [0, 0, 0], "quaternion": [2, 0, 0, 0]}, "not a rotation"),
     ],
 )
 def test_a_corrupted_record_is_refused(key, value, message, folder):

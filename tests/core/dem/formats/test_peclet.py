@@ -120,17 +120,17 @@ def turn(arrays: dict) -> None:
 
 
 CORRUPTIONS = {
-    "cropped": (crop, "another number of nodes|cropped"),
+    "cropped": (crop, "number of nodes|cropped"),
     "no grid": (lose("grid"), "lacks 'grid'"),
     "no moments": (lose("moments"), "lacks 'moments'"),
     "sign turned": (scale("grid", -1), "cropped"),
-    "another unit": (scale("grid", 1000), "no distances"),
+    "another unit": (scale("grid", 1000), "not hold distances"),
     "spacing": (scale("spacing", 2), "volume|cropped"),
     "not finite": (spoil, "not finite"),
-    "mass of another grain": (scale("mass", 2), "another mass"),
-    "volume of another grain": (scale("volume", 2), "another mass, volume"),
-    "negative moments": (scale("moments", -1), "another mass, volume or moments"),
-    "moments out of order": (turn, "another mass, volume or moments"),
+    "mass of another grain": (scale("mass", 2), r"or moments in .* differ"),
+    "volume of another grain": (scale("volume", 2), r"Mass, volume or moments in .* differ"),
+    "negative moments": (scale("moments", -1), r"Mass, volume or moments in .* differ"),
+    "moments out of order": (turn, r"Mass, volume or moments in .* differ"),
     "a contact point off the surface": (lift, "do not lie on the surface"),
     "a contact point lost": (fewer, "number of contact points"),
     "a small bounding sphere": (scale("radius", 0.5), "does not hold the grain"),

@@ -50,15 +50,18 @@ MECHSYS = {
     "inside out": (edited(lambda r: [face["verts"].reverse() for face in r["faces"]]), "inside out"),
     "an edge lost": (edited(lambda r: r["edges"].pop()), "every edge"),
     "an edge twice": (edited(lambda r: r["edges"].append(r["edges"][0])), "every edge"),
-    "a vertex that is not there": (edited(lambda r: r["faces"][0].update(verts=[0, 1, 99999])), "not there"),
+    "a vertex that is not there": (
+        edited(lambda r: r["faces"][0].update(verts=[0, 1, 99999])),
+        "missing vertices",
+    ),
     "not finite": (lambda t: re.sub(r'"c": \[[^,]+', '"c": [NaN', t, count=1), "not finite"),
     "another unit": (
         edited(lambda r: [v.update(c=[10 * x for x in v["c"]]) for v in r["verts"]]),
         "a volume",
     ),
     "moved": (edited(lambda r: [v.update(c=[x + 1 for x in v["c"]]) for v in r["verts"]]), "centre of mass"),
-    "no edges": (edited(lambda r: r.pop("edges")), "no polyhedron"),
-    "cut": (lambda t: t[: len(t) // 2], "no polyhedron"),
+    "no edges": (edited(lambda r: r.pop("edges")), "not contain a polyhedron"),
+    "cut": (lambda t: t[: len(t) // 2], "not contain a polyhedron"),
 }
 
 

@@ -25,15 +25,15 @@ def test_words_become_aims():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "names nothing"),
-        ("n 20", "names nothing"),
-        ("roundness 2 %", "no target for a clump"),
-        ("iou", "no target for a clump"),
+        ("", "contains no measure"),
+        ("n 20", "contains no measure"),
+        ("roundness 2 %", "not a goal for a clump"),
+        ("iou", "not a goal for a clump"),
         ("iou 1.5", "impossible"),
         ("volume 0 %", "impossible"),
         ("iou 0.9 and iou 0.8", "twice"),
-        ("iou 0.9 and n 1", "no number of spheres"),
-        ("iou 0.9 and n 20 %", "no number of spheres"),
+        ("iou 0.9 and n 1", "not a number of spheres"),
+        ("iou 0.9 and n 20 %", "not a number of spheres"),
     ],
 )
 def test_what_is_no_target_is_named(text, message):
@@ -106,12 +106,12 @@ def test_an_export_writes_as_many_spheres_as_each_grain_needs(avatars, tmp_path)
 def test_an_export_that_misses_its_target_warns_and_names_the_grain(avatar, tmp_path):
     report = export(avatar, "pfc", tmp_path / "out", clump_target="iou 0.999 and n 12", names=["a"])
     assert len(report.warnings) == 1
-    assert report.warnings[0].startswith("a: The target 'iou 0.999 and n 12' was not reached")
+    assert report.warnings[0].startswith("a: The goal 'iou 0.999 and n 12' was not reached")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["items"][0]["details"]["spheres"] == 12
 
 
 def test_a_target_that_cannot_be_read_writes_nothing(avatar, tmp_path):
-    with pytest.raises(ExportError, match="no target for a clump"):
+    with pytest.raises(ExportError, match="not a goal for a clump"):
         export(avatar, "edem", tmp_path / "out", density=2650, clump_target="roundness 1 %")
     assert not (tmp_path / "out").exists()

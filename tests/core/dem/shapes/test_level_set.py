@@ -75,12 +75,12 @@ def test_a_whole_grid_passes(ball):
         (lambda g: replace(g, values=g.values[:, :, :-2]), "cropped"),
         (lambda g: replace(g, values=-g.values), "cropped"),
         (lambda g: replace(g, values=np.abs(g.values) + 1e-3), "no node inside"),
-        (lambda g: replace(g, values=g.values * 10), "no distances"),
+        (lambda g: replace(g, values=g.values * 10), "not hold distances"),
         (lambda g: replace(g, values=g.values + 0.05), "has a volume"),
         (lambda g: replace(g, origin=g.origin + np.array([0.1, 0, 0])), "centre of mass"),
         (lambda g: replace(g, spacing=-g.spacing), "no spacing"),
         (lambda g: replace(g, values=np.where(g.values > 1, np.nan, g.values)), "not finite"),
-        (lambda g: replace(g, values=g.values.reshape(-1)), "no grid of three axes"),
+        (lambda g: replace(g, values=g.values.reshape(-1)), "not a grid with three axes"),
     ],
 )
 def test_what_is_no_whole_distance_is_refused(change, message, ball):

@@ -170,7 +170,7 @@ def test_what_is_no_curve_is_refused(sizes, finer, message):
 def test_impossible_plans_are_refused(bodies):
     with pytest.raises(ExportError, match="at least 1"):
         SpecimenPlan(0, CURVE)
-    with pytest.raises(ExportError, match="box of width -1"):
+    with pytest.raises(ExportError, match="must be positive, not -1"):
         SpecimenPlan(1, CURVE, width=-1)
     with pytest.raises(ExportError, match="no room for the largest"):
         make_specimen(bodies, SpecimenPlan(10, CURVE, width=1.0), "mm")
@@ -263,11 +263,11 @@ def row_of(change):
 
 
 TABLE = {
-    "header": (lambda t: t.partition("\n")[2], "in place of"),
+    "header": (lambda t: t.partition("\n")[2], "instead of"),
     "a particle lost": (lambda t: re.sub(r"\n.*\n", "\n", t, count=1), "does not hold the particles"),
     "another avatar": (row_of(lambda c: ",".join(["nobody", *c[1:]])), "does not hold the particles"),
     "negative scale": (row_of(lambda c: ",".join([c[0], "-" + c[1], *c[2:]])), "not positive"),
-    "another scale": (row_of(lambda c: ",".join([c[0], "1.5", *c[2:]])), "another volume"),
+    "another scale": (row_of(lambda c: ",".join([c[0], "1.5", *c[2:]])), "volume differs"),
     "outside": (row_of(lambda c: ",".join([*c[:3], "1", *c[4:]])), "outside the box"),
     "no rotation": (row_of(lambda c: ",".join([*c[:6], "2", *c[7:]])), "not of length 1"),
     "text": (row_of(lambda c: ",".join([*c[:3], "x", *c[4:]])), "not nine numbers"),
@@ -296,7 +296,7 @@ LAMMPS = {
         lambda t: re.sub(r"\n(\d+) 24(?=\n)", r"\n\1 23", t),
         "without",
     ),
-    "no molecules": ("specimen.data", lambda t: t.partition("\nMolecules")[0], "no sections"),
+    "no molecules": ("specimen.data", lambda t: t.partition("\nMolecules")[0], "must have the sections"),
 }
 
 
@@ -310,7 +310,7 @@ def test_corrupted_bodies_of_a_specimen_are_refused(kind, for_lammps):
     ("change", "message"),
     [
         (lambda t: re.sub(r"particles_in_region \d+", "particles_in_region 99", t, count=1), "counts"),
-        (lambda t: re.sub(r"mass \S+ inertia", "mass 1 inertia", t, count=1), "another mass"),
+        (lambda t: re.sub(r"mass \S+ inertia", "mass 1 inertia", t, count=1), "mass that differs"),
     ],
 )
 def test_a_corrupted_deck_of_a_specimen_is_refused(change, message, for_liggghts):
@@ -322,7 +322,7 @@ def test_a_manifest_that_lacks_the_specimens_numbers_is_refused(for_lammps):
     text = path.read_text()
     try:
         path.write_text(text.replace('"solid_volume"', '"volume_of_solids"'))
-        with pytest.raises(ExportError, match="lacks 'solid_volume'"):
+        with pytest.raises(ExportError, match="entry 'solid_volume'"):
             validate(for_lammps, digests=False)
     finally:
         path.write_text(text)

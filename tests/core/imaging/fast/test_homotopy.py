@@ -112,7 +112,7 @@ def test_the_fast_fit_gives_the_avatar_the_handles_of_its_grain(shape, n) -> Non
     assert isinstance(run, FastFit)
     first = None
     for step in run:
-        if first is None and "holes that the grain has not" in step.note:
+        if first is None and "holes that the grain does not have" in step.note:
             first = step  # without mending, this search ends with a handle too many
     assert first is not None
     verdict = run.result().verdict
@@ -128,7 +128,7 @@ def test_handles_that_cannot_be_mended_are_told(monkeypatch: pytest.MonkeyPatch)
     verdict = run.result().verdict
     assert verdict.genus == 1
     assert verdict.warnings == (
-        "The avatar has 1 handle, the grain no handle: n too small for this shape: try 80.",
+        "The avatar has 1 handle, the grain no handle: n is too small for this shape: try 80.",
     )
 
 

@@ -45,9 +45,9 @@ def test_targets_are_read_and_written(text: str, aims: dict[str, float], most: i
         ("volume 0 %", "write it as 'volume 1 %'"),
         ("iou 1.2", "between 0 and 1"),
         ("volume 1 % and volume 2 %", "names volume twice"),
-        ("n 40", "nothing to reach"),
-        ("volume 1 % and n 2.5", "no number of control points"),
-        (" and ", "nothing to reach"),
+        ("n 40", "no measure"),
+        ("volume 1 % and n 2.5", "not a number of control points"),
+        (" and ", "no measure"),
     ],
 )
 def test_what_is_no_target_is_refused(ellipsoid_grain: Grain, text: str, message: str) -> None:
@@ -109,8 +109,8 @@ def test_the_number_found_will_do_and_that_before_it_will_not(angular_grain: Gra
     assert again.verdict.rms / angular_grain.nominal_diameter == found.reached["rms"] <= 0.015
     before = fit(angular_grain, found.n - 1)
     assert before.verdict.rms / angular_grain.nominal_diameter > 0.015
-    assert notes[0].startswith("n = 10; target rms 1.5 %")
-    told = [note for note in notes if "n = 10 missed the target: rms" in note]
+    assert notes[0].startswith("n = 10; goal rms 1.5 %")
+    told = [note for note in notes if "n = 10 missed the goal: rms" in note]
     assert len(told) == 1
     assert told[0].startswith("n = 20; ")
     assert all(note.startswith("n = ") for note in notes)
@@ -125,7 +125,7 @@ def test_a_target_out_of_reach_says_so(angular_grain: Grain) -> None:
     assert "volume" not in warning.partition("best avatar")[2]  # that was reached
     assert "More than 12 control points were not allowed" in warning
     assert "and n 24" in warning
-    assert "finer shape is not in the scan" in warning
+    assert "does not resolve finer shape" in warning
 
 
 def test_voxels_may_hold_too_few_control_points() -> None:
@@ -133,7 +133,7 @@ def test_voxels_may_hold_too_few_control_points() -> None:
     result = fit(speck, target="iou 0.999")
     (warning,) = [told for told in result.verdict.warnings if "was not reached" in told]
     assert "48 voxels hold" in warning
-    assert "Scan finer" in warning
+    assert "Scan with smaller voxels" in warning
     assert 1 <= result.n <= 48
 
 
@@ -147,7 +147,7 @@ def test_a_search_can_be_stopped_changed_and_continued(ellipsoid_grain: Grain) -
     stopped = run.result()
     assert stopped.n == 10
     assert dict(stopped.reached) == {}
-    assert "was stopped before it was reached" in stopped.verdict.warnings[0]
+    assert "was stopped before the goal" in stopped.verdict.warnings[0]
     # From here on by hand: the target is given up.
     run.change_control_points(14)
     for _ in run:
@@ -188,7 +188,7 @@ class Failing(FastFit):
 
     def _begin_at(self, control: np.ndarray) -> float:
         if self.n <= self.fails_up_to:
-            raise FitError("The search's equations cannot be solved.")
+            raise FitError("The equations of the search cannot be solved.")
         return super()._begin_at(control)
 
 
@@ -200,7 +200,7 @@ def test_a_number_that_cannot_be_fitted_does_not_end_the_search(ellipsoid_grain,
         ellipsoid_grain, target="rms 5 %", on_step=lambda step: notes.append(step.note), generations=5
     )
     assert found.n == 14
-    assert any("n = 10 could not be fitted: The search's equations" in note for note in notes)
+    assert any("n = 10 could not be fitted: The equations of the search" in note for note in notes)
     monkeypatch.setattr(Failing, "fails_up_to", 50)
-    with pytest.raises(FitError, match="equations cannot be solved"):
+    with pytest.raises(FitError, match="equations of the search cannot be solved"):
         fit(ellipsoid_grain, target="rms 5 % and n 40", generations=5)

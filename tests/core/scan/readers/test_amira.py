@@ -140,7 +140,7 @@ def test_units(tmp_path: Path, volume: np.ndarray, word: str) -> None:
     with pytest.raises(UnitError, match="'furlong'"):
         open_scan(path)
     path.write_bytes(amira(voxels, box=box))
-    with pytest.raises(UnitError, match="outside what scans have"):
+    with pytest.raises(UnitError, match="outside the range of scans"):
         open_scan(path)
 
 

@@ -95,7 +95,7 @@ def test_blocks_of_slices_headers_and_bytes_of_colour(tmp_path: Path, volume: np
      ("z%d%d.raw 1 5 1", "which is not read"), ("z%9999d.raw 1 5 1", "which is not read"),
      ("z%03d.raw 1 999999999 1", "which is not read"), ("z%03d.raw 1 5 0", "which is not read"),
      ("z%03d.raw 1 4 1", "does not come out even"), ("z%03d.raw 2 6 1", r"z006\.raw, which is missing"),
-     ("../z%03d.raw 1 5 1", "outside its own folder"), ("/etc/%03d 1 5 1", "outside its own folder")],
+     ("../z%03d.raw 1 5 1", "outside its folder"), ("/etc/%03d 1 5 1", "outside its folder")],
 )  # fmt: skip
 def test_patterns_that_are_refused(tmp_path: Path, volume: np.ndarray, named: str, says: str) -> None:
     slices(tmp_path, volume)
@@ -108,8 +108,8 @@ def test_patterns_that_are_refused(tmp_path: Path, volume: np.ndarray, named: st
 @pytest.mark.parametrize(
     ("names", "says"),
     [(["z001.raw"] * 4, "does not come out even"), ([], "does not come out even"),
-     (["z001.raw"] * 4 + ["/etc/passwd"], "outside its own folder"),
-     (["z001.raw"] * 4 + ["../z001.raw"], "outside its own folder"),
+     (["z001.raw"] * 4 + ["/etc/passwd"], "outside its folder"),
+     (["z001.raw"] * 4 + ["../z001.raw"], "outside its folder"),
      (["z001.raw"] * 4 + ["other.raw"], "missing"), (["z001.raw"] * 4 + ["short.raw"], "cut off")],
 )  # fmt: skip
 def test_lists_that_are_refused(tmp_path: Path, volume: np.ndarray, names: list[str], says: str) -> None:
@@ -217,8 +217,8 @@ def test_as_many_voxels_as_stated(tmp_path: Path, volume: np.ndarray, packing: s
      (("NDims = 4",), r"4 axes .NDims., but 3"), (("DimSize = 11 seven 5",), "how many voxels"),
      (("DimSize = 11 7 1e99",), "how many voxels"), (("ElementType = MET_OTHER",), "MET_OTHER"),
      (("ElementNumberOfChannels = 0",), "0 channels"), (("ElementNumberOfChannels = x",), "no whole number"),
-     (("ElementSpacing = 1 one 1",), "no number"), (("ElementSpacing = 1",), "no number"),
-     (("TransformMatrix = 1 0 0",), "no number"),
+     (("ElementSpacing = 1 one 1",), "invalid number"), (("ElementSpacing = 1",), "invalid number"),
+     (("TransformMatrix = 1 0 0",), "invalid number"),
      (("BinaryData = False",), "holds what is no number|numbers, where")],
 )  # fmt: skip
 def test_headers_that_say_something_wrong(

@@ -455,7 +455,7 @@ def test_sizes_that_are_not_said(tmp_path: Path, volume: np.ndarray) -> None:
     with pytest.raises(ScanError, match="without place or number"):
         open_scan(tmp_path / "c", "14 um")
     write_series(tmp_path / "d", volume, edges=(14.0, 14.0, 14.0))  # micrometres that nobody said
-    with pytest.raises(UnitError, match="14 mm, outside what scans have"):
+    with pytest.raises(UnitError, match="14 mm, outside the range of scans"):
         open_scan(tmp_path / "d")
 
 

@@ -298,7 +298,7 @@ def test_units_that_are_none(tmp_path: Path, volume: np.ndarray, unit: str | Non
 def test_sizes_that_nobody_has_are_questioned(tmp_path: Path, volume: np.ndarray) -> None:
     for number, edges in enumerate(([14.0] * 3, [1e-6] * 3, [14.0, 14.0, 0.0])):
         write_image(tmp_path / f"{number}.zarr", volume, unit="millimeter", place=[scaled(*edges)])
-        with pytest.raises(UnitError, match=r"state what is right"):
+        with pytest.raises(UnitError, match=r"state the voxel size"):
             open_scan(tmp_path / f"{number}.zarr")
 
 

@@ -184,7 +184,7 @@ def test_units_of_a_vgi_that_are_not_known(tmp_path: Path, volume: np.ndarray, u
 
 def test_sizes_that_no_scan_has_are_asked_about(tmp_path: Path, volume: np.ndarray) -> None:
     data = write(tmp_path, volume, vgi=VGI.replace("0.01 0.01 0.02", "14 14 14"))
-    with pytest.raises(UnitError, match="outside what scans have"):
+    with pytest.raises(UnitError, match="outside the range of scans"):
         open_scan(data)
 
 
@@ -364,7 +364,7 @@ def test_no_other_folder_is_read(tmp_path: Path, volume: np.ndarray, name: str) 
     with pytest.raises(ScanError, match="which is missing"):
         open_scan(folder / "s.vgi")
     (folder / "s.dat").write_text(VOREEN.replace("s.raw", name))
-    with pytest.raises(ScanError, match="outside its own folder"):
+    with pytest.raises(ScanError, match="outside its folder"):
         open_scan(folder / "s.dat", "10 um")
 
 

@@ -221,7 +221,7 @@ def test_grey_colours_and_vectors(tmp_path: Path, volume: np.ndarray) -> None:
     with pytest.raises(ScanError, match="colour images"):
         open_scan(path, "10 um")
     path = write(tmp_path / "t.vti", {"t": np.stack([grey] * 9, -1)})
-    with pytest.raises(ScanError, match="holds 9 values per pixel"):
+    with pytest.raises(ScanError, match="contains 9 values per pixel"):
         open_scan(path, "10 um")
 
 

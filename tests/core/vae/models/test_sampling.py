@@ -103,7 +103,7 @@ def test_without_mixing_the_first_band_is_a_parents() -> None:
 
 def test_impossible_samples_are_refused() -> None:
     latents, signs, rng = np.zeros((5, 3)), np.ones((8, 3)), np.random.default_rng(0)
-    with pytest.raises(StyleError, match="-1 clones"):
+    with pytest.raises(StyleError, match="0 or more, not -1"):
         band_latents(latents, signs, split_bands((3,)), -1, rng)
-    with pytest.raises(StyleError, match="Shares of noise 2"):
+    with pytest.raises(StyleError, match=r"shares of noise .* not 2"):
         band_latents(latents, signs, split_bands((3,)), 5, rng, mixing=2.0)

@@ -189,12 +189,12 @@ def test_a_style_of_before_seals_is_read(aligned: StyleLearner, tmp_path: Path) 
     [
         ({"format": 2}, "newer mbstudio"),
         ({"format": "one"}, "does not say its format"),
-        ({"kind": "something else"}, "no style-learner of mbstudio"),
+        ({"kind": "something else"}, "not a style-learner"),
         ({"sha256": "0" * 64}, "not the file that style-learner.json was written with"),
         ({"preset": "magic"}, "no style-learner 'magic'"),
         ({"n": 17}, "do not belong together"),
-        ({"model": {}}, "no complete style-learner"),
-        ({"card": {}}, "model card is not complete"),
+        ({"model": {}}, "incomplete"),
+        ({"card": {}}, "model card is incomplete"),
         ({"weights": "../../etc/passwd"}, "cannot be read"),
     ],
 )

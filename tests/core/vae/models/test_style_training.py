@@ -148,11 +148,11 @@ def test_numbers_that_are_not_finite_stop_the_training() -> None:
     training.trainer.advance = failing  # type: ignore[method-assign]
     steps = list(training)
     assert [step.step for step in steps] == [0, 3, 6, 8]
-    assert "not finite" in steps[-1].note or "no finite number" in steps[-1].note
+    assert "not finite" in steps[-1].note or "no longer finite" in steps[-1].note
     kept = training.result()
     assert kept.card.steps <= 6
     assert np.isfinite(kept.latents).all()
-    assert any("no finite number" in note for note in kept.card.notes)
+    assert any("no longer finite" in note for note in kept.card.notes)
 
 
 def test_a_full_gpu_hands_over_to_the_processor() -> None:

@@ -34,7 +34,7 @@ def test_the_bodies_of_a_folder(folder):
 
 def test_one_body_of_a_file(folder):
     assert read_one_body(folder / "one.stl", "um").units == "um"
-    with pytest.raises(SerializationError, match="holds 2 bodies"):
+    with pytest.raises(SerializationError, match="contains 2 bodies"):
         read_one_body(folder / "two.ply")
     (folder / "bad.stl").write_bytes(b"nothing")
     with pytest.raises(MeshError, match=r"bad\.stl"):

@@ -39,7 +39,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     with pytest.raises(SerializationError, match=r"broken\.npz cannot be read"):
         load_serialization(broken)
     np.savez(tmp_path / "other.npz", centers=np.zeros(3))
-    with pytest.raises(SerializationError, match=r"other\.npz holds no serialized avatars"):
+    with pytest.raises(SerializationError, match=r"other\.npz contains no serialized avatars"):
         load_serialization(tmp_path / "other.npz")
     with pytest.raises(SerializationError, match="cannot be written"):
         save_serialization(two_avatars(), tmp_path / "nowhere" / "parents.npz")

@@ -75,7 +75,9 @@ def test_units_are_converted_and_shapes_kept():
     small.apply_scale(1e-3)
     small.units = "mm"
     template = ellipsoid_template(13)
-    with pytest.warns(SerializationWarning, match=r"1 of 3 bodies have the shape of another \('body 2'\)"):
+    with pytest.warns(
+        SerializationWarning, match=r"1 of 3 bodies have the same shape as another \('body 2'\)"
+    ):
         made = serialize([*bodies, small], template=template)
     assert made.unit == "um"
     assert made.diameters[2] == pytest.approx(made.diameters[0], rel=1e-9)

@@ -42,7 +42,7 @@ def test_a_kept_grain_comes_back_from_json_to_the_last_bit(kept, learner):
     volume = learner.decode(learner.latents[1:2]).avatar(0).mesh(96).volume
     assert kept[0].factors[0] == pytest.approx((6 * volume / np.pi) ** (1 / 3), rel=0.005)
     assert kept[0].unit == "mm"
-    with pytest.raises(StyleError, match="lacks 'factors'"):
+    with pytest.raises(StyleError, match="'factors' of a kept grain is missing"):
         keeping.read_kept_grain(kept[0].recipe.as_record())
 
 

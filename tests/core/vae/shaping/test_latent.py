@@ -126,9 +126,9 @@ def test_a_learner_without_flips_works_too() -> None:
     ("what", "said"),
     [
         (lambda learner: hand.add_noise(learner, learner.latents[0], -1.0), "sigma"),
-        (lambda learner: hand.add_noise(learner, learner.latents[0][:-1], 0.5), "does not belong"),
+        (lambda learner: hand.add_noise(learner, learner.latents[0][:-1], 0.5), "does not fit"),
         (lambda learner: hand.add_noise(learner, learner.latents[0] * np.nan, 0.5), "finite"),
-        (lambda learner: hand.morph(learner, learner.latents[0], learner.latents[1], 1), "2 or more"),
+        (lambda learner: hand.morph(learner, learner.latents[0], learner.latents[1], 1), "at least two"),
         (lambda learner: hand.interpolate(learner, *learner.latents[:2], [np.inf]), "finite"),
         (lambda learner: hand.blend(learner, learner.latents[:2], [1.0]), "finite weights"),
         (lambda learner: add_difference(learner, *learner.latents[:3], strength=np.nan), "finite"),

@@ -89,7 +89,7 @@ def test_interpolation_and_sum(learner: StyleLearner) -> None:
         (Operation("melt", {}), "melt"),
         (Operation("noise", {"sigma": 0.1}), "seed"),
         (Operation("begin", {"parent": "nobody"}), "nobody"),
-        (Operation("reach", {"meaning": "csf", "to": 0.0}), "not there yet"),
+        (Operation("reach", {"meaning": "csf", "to": 0.0}), "still being learned"),
     ],
 )
 def test_what_cannot_be_done_is_refused(learner: StyleLearner, step: Operation, words: str) -> None:

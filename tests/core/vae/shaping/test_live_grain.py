@@ -6,10 +6,11 @@ import pytest
 from mbstudio.core.errors import StyleError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.field import control_rows
+from mbstudio.core.metaball.surface import sample_solid
 from mbstudio.core.metrics import measure
 from mbstudio.core.vae.models.style_learner import StyleLearner
 from mbstudio.core.vae.models.training import learn
-from mbstudio.core.vae.shaping.live_grain import MOVING, live_grain, quick_surface
+from mbstudio.core.vae.shaping.live_grain import MOVING, live_grain, surface_on_grid
 from tests.core.vae.boxes import boxes
 
 
@@ -20,7 +21,7 @@ def learner() -> StyleLearner:
 
 def test_the_surface_of_one_control_point_is_a_ball() -> None:
     control = control_rows(np.array([[1.0, 2.0, 3.0]]), np.array([4.0]))
-    points, triangles, normals = quick_surface(control, MOVING)
+    points, triangles, normals = surface_on_grid(*sample_solid(control, MOVING), control)
     away = points - np.array([1.0, 2.0, 3.0])
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), 2.0, rtol=1e-4)
     np.testing.assert_allclose(normals, away / 2.0, atol=2e-4)
@@ -70,7 +71,7 @@ def test_a_grain_in_two_pieces_is_told_to_be_none(learner: StyleLearner) -> None
 
 
 def test_a_latent_vector_of_another_learner_is_refused(learner: StyleLearner) -> None:
-    with pytest.raises(StyleError, match="does not belong"):
+    with pytest.raises(StyleError, match="does not fit"):
         live_grain(learner, np.zeros(learner.dimension + 1))
 
 

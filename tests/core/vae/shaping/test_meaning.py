@@ -109,7 +109,7 @@ def test_differences_added_keep_their_sign(meanings: Meanings) -> None:
 
 def test_what_cannot_be(meanings: Meanings) -> None:
     here = meanings.learner.latents[0]
-    with pytest.raises(StyleError, match="no meaning"):
+    with pytest.raises(StyleError, match="not a meaning"):
         meanings.move_along(here, {"colour": 1.0})
     with pytest.raises(StyleError, match="finite"):
         meanings.move_along(here, {"csf": np.nan})
@@ -119,9 +119,9 @@ def test_what_cannot_be(meanings: Meanings) -> None:
         meanings.design({"csf": -0.5})
     with pytest.raises(StyleError, match="relative error"):
         meanings.design({"csf": 0.5}, tolerance=0.0)
-    with pytest.raises(StyleError, match="does not belong"):
+    with pytest.raises(StyleError, match="does not fit"):
         meanings.move_along(here[:-1], {"csf": 1.0})
-    with pytest.raises(StyleError, match="does not belong"):
+    with pytest.raises(StyleError, match="does not fit"):
         meanings.bring_to(here[:-1], {"csf": 1.0})
 
 

@@ -37,8 +37,8 @@ def test_a_target_ends_the_fit_with_few_control_points(ready, idle):
     assert fit.target == "volume 1 % and iou 0.8"
     assert fit.n < 40
     assert fit.reached["iou"] >= 0.8
-    assert "reaches the target" in window.messages.text
-    assert "Target reached" in window.stations.fit.panel._reasons.text()
+    assert "reaches the goal" in window.messages.text
+    assert "Goal reached" in window.stations.fit.panel._reasons.text()
     # The curve is that of the fit that was kept.
     assert window.stations.fit.curve.losses == pytest.approx(list(fit.history))
     # And on from there, whatever n says: the number was found.
@@ -56,7 +56,7 @@ def test_all_grains_take_the_target(ready, idle):
     idle()
     fits = window.workspace.state.fits
     assert {fit.target for fit in fits.values()} == {"volume 2 %"}
-    assert f"{len(fits)} of {len(fits)} reach the target" in window.messages.text
+    assert f"{len(fits)} of {len(fits)} reach the goal" in window.messages.text
 
 
 def test_a_bad_target_is_told_beside_the_field_and_nothing_is_fitted(ready, idle):

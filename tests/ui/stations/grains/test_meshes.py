@@ -321,7 +321,7 @@ def test_files_are_sorted_out_before_anything_is_read(stones, tmp_path):
     meshes, left_out = sort_out([stones, stones / "a_box.stl", tmp_path / "empty", tmp_path / "old.mbs"])
     assert [path.name for path in meshes] == ["a_box.stl", "b_ball.stl", "c_egg.stl", "d_broken.stl"]
     told = {path.name: reason for path, reason in left_out}
-    assert "holds no meshes" in told["empty"]
+    assert "contains no meshes" in told["empty"]
     assert "open it by itself" in told["old.mbs"]
 
 

@@ -271,7 +271,8 @@ def test_a_click_on_the_map_shows_the_grain_there_after_a_storm_of_events(shapin
     assert window.stations.latent.work.live.dropped > 0
     before = window.viewport.picture()
     place = np.array([0.8, -0.6])
-    QTest.mouseClick(plot.viewport(), Qt.MouseButton.LeftButton, pos=plot.pixel_of(place).toPoint())
+    pixel = plot.mapFromScene(plot.box.mapViewToScene(QPointF(*place)))
+    QTest.mouseClick(plot.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
     rest()
     np.testing.assert_allclose(plot.here, place, atol=0.05)
     assert changed(before, window.viewport.picture()) > 0.005

@@ -88,8 +88,8 @@ def test_meshes_are_learned_and_learned_on(window, page, idle, meshes, tmp_path)
     assert len(window.stations.style.dock.training.records) == 1
     assert window.stations.style.dock.training.error.counts == (0,)
     assert "at once" in window.stations.style.dock.training.error._words.toPlainText()
-    assert "of 6 parents" in page.card_text
-    assert f"Held-out error {100 * learner.card.held_out_rms:.2f} %" in page.card_text
+    assert page.card_name.text().endswith("6 parents")
+    assert f"Held-out error {100 * learner.card.held_out_rms:.2f} %" in page.card.text()
     window.stations.style.work.save(tmp_path / "style")
     idle()
     page.folder.setText(str(meshes[1]))
@@ -107,11 +107,11 @@ def test_meshes_are_learned_and_learned_on(window, page, idle, meshes, tmp_path)
 
 def test_a_training_is_paused_resumed_and_stopped(window, page, training, idle, qtbot):
     plots = training
-    assert "Training: step" in page.hint_text
+    assert "Training: step" in page.hint.text()
     assert plots.weight.counts[0] >= 3
     page.pause_button.click()
     assert page.pause_button.text() == "Resume"
-    assert page.hint_text == "Paused."
+    assert page.hint.text() == "Paused."
     qtbot.wait(1500)  # the record that was being made arrives
     before = len(plots.records)
     qtbot.wait(1000)
@@ -140,7 +140,7 @@ def test_a_cancelled_training_leaves_the_style(window, page, learner, training, 
 def test_few_parents_are_offered_principal_components(window, page, idle, with_grains):
     assert page.preset.currentData() == "aligned"
     assert not page.learn_button.isEnabled()
-    assert "5 parents" in page.hint_text
+    assert "5 parents" in page.hint.text()
     names = [page.source.itemText(place) for place in range(4)]
     assert names[0] == "Grains inside (2)"
     assert names[2] == "Avatars (0)"
@@ -163,7 +163,7 @@ def test_errors_say_what_to_do(window, page, idle, tmp_path, learner):
     page.learn_button.click()
     idle()
     assert window.messages.level == "error"
-    assert "holds no meshes" in window.messages.text
+    assert "contains no meshes" in window.messages.text
     window.stations.style.work.open(tmp_path)
     idle()
     assert "style-learner.json" in window.messages.text

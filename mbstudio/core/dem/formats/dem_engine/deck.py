@@ -127,7 +127,7 @@ def check_deck(path: Path, manifest: Mapping[str, Any]) -> None:
         places = np.array(ast.literal_eval(stated["POSITIONS"]), dtype=float).reshape(-1, 3)
         turns = np.array(ast.literal_eval(stated["QUATERNIONS"]), dtype=float).reshape(-1, 4)
     except (SyntaxError, ValueError, KeyError) as error:
-        raise ExportError(f"{path} is no script with places and turns ({error!r}).") from error
+        raise ExportError(f"{path} is not a script with positions and rotations ({error!r}).") from error
     check_count(path, len(places), manifest)
     check_count(path, len(turns), manifest)
     if not np.isfinite(places).all() or not np.allclose(np.linalg.norm(turns, axis=1), 1.0, atol=1e-6):

@@ -232,7 +232,7 @@ def check_case(folder: Path, manifest: Mapping[str, Any]) -> None:
     text = _balanced(path)
     corners, faces = _block(path, text, "Nodes", 4), _block(path, text, "Conditions RigidFace3D3N", 5)
     if len(corners) != 8 or len(faces) != 10:
-        raise ExportError(f"{path} is no box of a floor and four walls.")
+        raise ExportError(f"{path} is not a box with a floor and four walls.")
     if read_text(folder / SCRIPT_NAME) != SCRIPT:
         raise ExportError(f"{folder / SCRIPT_NAME} is not the script that mbstudio writes: export again.")
 
@@ -253,7 +253,7 @@ def _check_materials(path: Path, manifest: Mapping[str, Any]) -> None:
             if "CLUSTER_FILE_NAME" in entry["Variables"]
         ]
     except (KeyError, TypeError) as error:
-        raise ExportError(f"{path} lacks {error} or holds something else there.") from error
+        raise ExportError(f"{path} has a missing or invalid entry {error}.") from error
     for item in manifest["items"]:
         if item["files"][0] not in [file for file, _ in found]:
             raise ExportError(f"{path} does not name {item['files'][0]}.")
@@ -269,7 +269,7 @@ def _check_parameters(path: Path) -> None:
         gravity, step, end = (float(content[name]) for name in ("GravityZ", "MaxTimeStep", "FinalTime"))
         materials = content["solver_settings"]["material_import_settings"]["materials_filename"]
     except (KeyError, TypeError, ValueError) as error:
-        raise ExportError(f"{path} lacks {error} or holds something else there.") from error
+        raise ExportError(f"{path} has a missing or invalid entry {error}.") from error
     require_agreement(path, "'GravityZ'", [str(gravity)], [-GRAVITY])
     require_agreement(path, "'materials_filename'", [str(materials)], [MATERIALS_NAME])
     if not 0 < step < end:
@@ -286,7 +286,7 @@ def _check_clusters(path: Path, manifest: Mapping[str, Any]) -> None:
         check_count(path, len(rows), manifest)
     kinds = np.arange(len(elements)) % len(manifest["items"]) + 1
     if not np.array_equal(elements[:, 1], kinds):
-        raise ExportError(f"{path} has clusters of other kinds than the manifest says.")
+        raise ExportError(f"{path} has clusters whose kinds differ from the manifest.")
     if not np.allclose(np.linalg.norm(turns[:, 2:], axis=1), 1.0, atol=1e-6):
         raise ExportError(f"{path} has orientations that are not of length 1.")
 

@@ -81,7 +81,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 def _check_cluster(path: Path, item: Mapping[str, Any]) -> None:
     found = _parse(path)
     if found["Name"] != [item["name"]]:
-        raise ExportError(f"{path} has the name '{' '.join(found['Name'])}' in place of '{item['name']}'.")
+        raise ExportError(f"{path} has the name '{' '.join(found['Name'])}' instead of '{item['name']}'.")
     rows = number_rows(path, found["spheres"], 4)
     check_spheres(path, rows, item)
     size = 2 * float((np.linalg.norm(rows[:, :3], axis=1) + rows[:, 3]).max())

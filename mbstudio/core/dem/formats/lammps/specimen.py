@@ -107,7 +107,7 @@ def check_specimen_files(folder: Path, manifest: Mapping[str, Any]) -> None:
 def _check_data(path: Path, spheres: Mapping[str, int], said: Mapping[str, Any]) -> None:
     parts = re.split(r"\n\n(Atoms # sphere|Molecules)\n\n", read_text(path))
     if len(parts) != 5 or parts[1] == parts[3]:
-        raise ExportError(f"{path} has no sections 'Atoms # sphere' and 'Molecules', each once.")
+        raise ExportError(f"{path} must have the sections 'Atoms # sphere' and 'Molecules', each once.")
     atoms = number_rows(path, parts[2].split("\n"), 7)
     owners = number_rows(path, parts[4].rstrip("\n").split("\n"), 2)
     count = sum(number * spheres[name] for name, number in said["numbers"].items())

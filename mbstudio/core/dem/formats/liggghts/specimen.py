@@ -83,4 +83,4 @@ def check_specimen_deck(folder: Path, manifest: Mapping[str, Any]) -> None:
         raise ExportError(f"{path} does not insert the particles that the manifest counts.")
     wanted = manifest["density"] * said["solid_volume"] * METRES_PER_UNIT[manifest["unit"]] ** 3
     if abs(float(many @ np.array(masses)) / wanted - 1) > 1e-6:
-        raise ExportError(f"{path} inserts another mass than the specimen's.")
+        raise ExportError(f"{path} inserts a mass that differs from the specimen's.")

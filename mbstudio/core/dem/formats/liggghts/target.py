@@ -112,7 +112,7 @@ def _check_template(
             f"{path} lacks 'use_volume': LIGGGHTS would not know which density belongs to the mass."
         )
     if not agrees(found.get("ntry", ["0"]), [float(manifest["options"]["ntry"])]):
-        raise ExportError(f"{path} has another 'ntry' than the manifest.")
+        raise ExportError(f"'ntry' in {path} differs from the manifest.")
     check_moments(
         item["name"], float(found["mass"][0]), [float(found["inertia_tensor"][i]) for i in (0, 3, 5)]
     )

@@ -107,6 +107,8 @@ def check_deck(path: Path, manifest: Mapping[str, Any]) -> None:
     rounding = stated_number(path, text, "R")
     size = max(item["volume"] for item in manifest["items"]) ** (1 / 3)
     if not 0.0 < rounding < size / 2:
-        raise ExportError(f"{path} rounds edges by {rounding:g}, which suits no grain of this export.")
+        raise ExportError(
+            f"{path} rounds edges by {rounding:g}, which does not match any grain of this export."
+        )
     if not text.endswith(_BODY):
         raise ExportError(f"{path} is not the program that mbstudio writes: export again.")

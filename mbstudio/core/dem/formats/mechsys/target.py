@@ -76,10 +76,10 @@ def _check_polyhedron(path: Path, item: Mapping[str, Any]) -> None:
         edges = np.array([entry["verts"] for entry in record["edges"]], dtype=int).reshape(-1, 2)
         faces = np.array([entry["verts"] for entry in record["faces"]], dtype=int).reshape(-1, 3)
     except (ValueError, KeyError, TypeError) as error:
-        raise ExportError(f"{path} holds no polyhedron ({error!r}).") from error
+        raise ExportError(f"{path} does not contain a polyhedron ({error!r}).") from error
     numbers = np.concatenate([edges.ravel(), faces.ravel()])
     if not len(numbers) or numbers.min() < 0 or numbers.max() >= len(vertices):
-        raise ExportError(f"{path} has edges or faces with vertices that are not there.")
+        raise ExportError(f"{path} has edges or faces that refer to missing vertices.")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     check_mesh(path, mesh, item)
     listed = {tuple(sorted(edge)) for edge in edges.tolist()}

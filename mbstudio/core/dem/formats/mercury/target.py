@@ -87,7 +87,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
 def _read_matrix(path: Path) -> np.ndarray:
     rows = number_rows(path, read_text(path).splitlines(), 3, ",")
     if len(rows) != 3:
-        raise ExportError(f"{path} has {len(rows)} rows in place of 3.")
+        raise ExportError(f"{path} has {len(rows)} rows instead of 3.")
     return rows
 
 

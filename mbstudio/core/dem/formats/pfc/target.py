@@ -78,7 +78,7 @@ def _check_template(path: Path, item: Mapping[str, Any]) -> None:
     lines = [line.partition(";")[0].rstrip() for line in read_text(path).splitlines()]
     lines = [line for line in lines if line]
     if any(not line.endswith("...") for line in lines[:-1]) or not lines or lines[-1].endswith("..."):
-        raise ExportError(f"{path} is no single command: all lines but the last go on with '...'.")
+        raise ExportError(f"{path} is not a single command: all lines but the last must end in '...'.")
     words = " ".join(line.removesuffix("...") for line in lines).split()
     count = item["details"]["spheres"]
     head = ["clump", "template", "create", "name", f"'{item['name']}'", "pebbles", str(count)]

@@ -133,4 +133,4 @@ def check_kinds(path: Path, manifest: Mapping[str, Any]) -> None:
     if names != [item["files"][0] for item in manifest["items"]] or numbers.shape != wanted.shape:
         raise ExportError(f"{path} does not load the files of the manifest, each once and in order.")
     if not np.allclose(numbers, wanted, rtol=1e-9, atol=0):
-        raise ExportError(f"{path} has another mass or moments than the manifest.")
+        raise ExportError(f"Mass or moments in {path} differ from the manifest.")

@@ -220,7 +220,9 @@ def _placed(voxels: VoxelArray, header: AmiraHeader, metadata: dict[str, Any], p
             unit_word = word
     voxels, edges, corner, flipped = along_axes(voxels, steps * scale, origin * scale, path)
     grid = Grid(steps * scale, origin * scale, unit, flipped)
-    return Reading(voxels, edges, unit, unit_word, corner, metadata, grid=None if grid.says_nothing else grid)
+    return Reading(
+        voxels, edges, unit, unit_word, corner, metadata, grid=None if grid.is_placeholder else grid
+    )
 
 
 FAMILY = Family("AmiraMesh volume", (".am", ".amiramesh"), read, recognises=begins_as_amira)

@@ -75,7 +75,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
         None,
         corner,
         first.metadata,
-        grid=None if grid is None or grid.says_nothing else grid,
+        grid=None if grid is None or grid.is_placeholder else grid,
         notes=notes,
         size_notes=series.size_notes,
         doubt=doubt,

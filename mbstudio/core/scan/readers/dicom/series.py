@@ -176,7 +176,7 @@ def _require_alike(slices: Sequence[Slice], path: Path) -> None:
         if (mine.dtype, mine.samples, mine.white_is_zero) != (its.dtype, its.samples, its.white_is_zero):
             raise ScanError(
                 f"{path} holds slices of different pixels: {its.path.name} and {mine.path.name}: "
-                "export all with one type."
+                "export all with the same type."
             )
         for name, tolerance in (("orientation", 1e-3), ("spacing", 1e-6)):
             here, there = getattr(first.frame, name), getattr(one.frame, name)

@@ -155,7 +155,7 @@ def _only(files: ZarrFiles, nodes: Mapping[str, Node]) -> Node:
         return next(iter(nodes.values()))
     raise SeveralArraysError(
         f"{files.path} holds {len(nodes)} arrays that could be meant{_listed(files, nodes)}. "
-        f"Name the one that is meant behind a colon, as in '{files.path.name}:{next(iter(nodes))}'.",
+        f"Name the right one after a colon, as in '{files.path.name}:{next(iter(nodes))}'.",
         files.path,
         list(nodes),
     )
@@ -262,7 +262,7 @@ def _require_filled(array: ZarrArray) -> None:
     """Raise ScanError if an array claims more than its files can hold."""
     needed = math.prod(array.shape) * array.dtype.itemsize
     if needed and not array.stored:
-        raise ScanError(f"{array.name} was laid out but never filled with voxels: export it again.")
+        raise ScanError(f"{array.name} was created but never filled with voxels: export it again.")
     if needed > MOST_COMPRESSION * array.stored + 2**20:
         raise ScanError(
             f"{array.name} states {' x '.join(map(str, array.shape))} voxels, {needed:,} bytes, but holds "
@@ -340,7 +340,7 @@ def _placed(voxels: Any, level: Level, order: tuple[int, int, int], path: Path, 
         unit=unit,
         unit_word=word,
         origin=corner,
-        grid=None if grid.says_nothing else replace(grid, flipped=flipped),
+        grid=None if grid.is_placeholder else replace(grid, flipped=flipped),
     )
 
 

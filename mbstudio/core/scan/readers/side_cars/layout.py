@@ -80,7 +80,7 @@ def open_layout(layout: RawLayout, options: ReadOptions) -> Reading:
         )
         raise ScanError(
             f"{layout.source} states {' x '.join(map(str, shape))} voxels (z, y, x) of {dtype.name}"
-            f"{f' behind {header} bytes' if header else ''}, {needed:,} bytes, but {data.name} holds "
+            f"{f' behind {header} bytes' if header else ''}, {needed:,} bytes, but {data.name} contains "
             f"{present:,}, {off}: {why}; copy or export both again, or state shape and dtype."
         )
     voxels = plain_numbers(np.memmap(data, dtype, "r", header, shape))

@@ -72,7 +72,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
     voxels, spacing, corner, flipped = along_axes(voxels, steps, origin, path)
     grid = Grid(steps, origin, None, flipped)
     return replace(
-        bare, voxels=voxels, spacing=spacing, origin=corner, grid=None if grid.says_nothing else grid
+        bare, voxels=voxels, spacing=spacing, origin=corner, grid=None if grid.is_placeholder else grid
     )
 
 
@@ -122,7 +122,7 @@ def _choose(layout: Layout, name: str | None, path: Path) -> StoredArray:
                 "meant behind a "
                 f"colon, as in '{path.name}:CellData/{name}'."
             )
-        raise ScanError(f"{path} holds no array '{name}'{_listed(found)}.")
+        raise ScanError(f"{path} contains no array '{name}'{_listed(found)}.")
     if len(found) == 1:
         return found[0]
     if not found:
@@ -130,7 +130,7 @@ def _choose(layout: Layout, name: str | None, path: Path) -> StoredArray:
     names = [array.name for array in found]
     raise SeveralArraysError(
         f"{path} holds {len(found)} arrays that could be the scan{_listed(found)}. "
-        f"Name the one that is meant behind a colon, as in '{path.name}:{found[0].name}'.",
+        f"Name the right one after a colon, as in '{path.name}:{found[0].name}'.",
         path,
         [one.name if names.count(one.name) == 1 else f"{one.place}/{one.name}" for one in found],
     )
