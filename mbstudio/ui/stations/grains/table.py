@@ -272,10 +272,10 @@ class GrainTable(QTableView):
         super().resizeEvent(event)
 
     def _arrange_columns(self) -> None:
-        # Beside plots not every column has room: the nominal diameter tells the volume as well, and a
-        # grain that the edge cuts has no avatar.
+        # Beside plots not every column has room: the nominal diameter tells the volume as well, a grain that
+        # the edge cuts has no avatar, and the panel at station Fit names the mesh.
         self.setColumnHidden(1, self.width() < ROOMY)
-        self.setColumnHidden(NAME, self.width() < NARROW and not self.content.has_names)
+        self.setColumnHidden(NAME, self.width() < NARROW)
         # A name stands beside the number.
         header = self.horizontalHeader()
         named = self.content.has_names
