@@ -488,7 +488,7 @@ def test_what_is_damaged(tmp_path: Path, volume: np.ndarray) -> None:
     with pytest.raises(ScanError, match=r"IM005\.dcm .*(cut off|damaged)"):
         open_scan(tmp_path / "s")
     file.write_bytes(b"nothing")
-    with pytest.raises(ScanError, match=r"IM005\.dcm is not a DICOM file"):
+    with pytest.raises(ScanError, match=r"IM005\.dcm does not begin as DICOM files do"):
         open_scan(tmp_path / "s")
     packed = write_series(
         tmp_path / "p", volume, change=lambda k, one: pack(one, volume[k], uid.JPEGLSLossless)

@@ -172,6 +172,27 @@ def test_turned_and_big_endian_chunks(tmp_path: Path, volume: np.ndarray) -> Non
         assert_same(open_scan(path, "10 um"), volume)
 
 
+def test_chunks_in_folders_of_their_own(tmp_path: Path, volume: np.ndarray) -> None:
+    """As NGFF 0.4 wants them on Zarr 2."""
+    write_image(tmp_path / "s.zarr", volume, 2, chunk_key_encoding={"name": "v2", "separator": "/"})
+    assert (tmp_path / "s.zarr" / "0" / "0" / "1" / "2").is_file()
+    assert_same(open_scan(tmp_path / "s.zarr"), volume)
+    write_image(tmp_path / "t.zarr", volume, 3, chunk_key_encoding={"name": "default", "separator": "."})
+    assert (tmp_path / "t.zarr" / "0" / "c.0.1.2").is_file()
+    assert_same(open_scan(tmp_path / "t.zarr"), volume)
+
+
+def test_truth_values_and_half_precision(tmp_path: Path, volume: np.ndarray) -> None:
+    for number in (2, 3):
+        for name, data in (("mask", volume > 30_000), ("half", (volume % 100).astype(np.float16))):
+            path = tmp_path / f"{name}{number}.zarr"
+            array = zarr.create_array(path, shape=data.shape, dtype=data.dtype, zarr_format=number)  # type: ignore[arg-type]
+            array[...] = data
+            scan = open_scan(path, "10 um")
+            assert_same(scan, data)
+            assert scan.voxels.dtype == {"mask": np.uint8, "half": np.float32}[name]
+
+
 def test_an_archive(tmp_path: Path, volume: np.ndarray) -> None:
     write_image(tmp_path / "s.zarr", volume)
     for packing in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):

@@ -117,7 +117,11 @@ def read_header(path: Path) -> Header:
     from pydicom.filereader import read_file_meta_info
 
     if not is_dicom(path):
-        raise ScanError(f"{path} is not a DICOM file, although its name ends so: copy or export it again.")
+        raise ScanError(
+            f"{path} does not begin as DICOM files do (DICM behind 128 bytes), although its name "
+            "ends so: export it "
+            "again, or give it that beginning, for example with dcmconv."
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about values that are not as the standard writes them

@@ -133,7 +133,8 @@ def _files(folder: Path) -> tuple[list[Path], list[Path]]:
         if entry.is_file() and not entry.name.startswith(".") and entry.name.upper() != "DICOMDIR"
     )
     files = [entry for entry in entries if entry.suffix.lower() in SUFFIXES or is_dicom(entry)]
-    return files, [entry for entry in entries if entry not in set(files)]
+    known = set(files)
+    return files, [entry for entry in entries if entry not in known]
 
 
 def in_order(headers: Sequence[Header], path: Path) -> Series:
