@@ -479,6 +479,26 @@ def test_chunks_are_not_unpacked_beyond_their_size(tmp_path: Path, packed: str) 
         open_scan(tmp_path / "a.zarr", "10 um")
 
 
+@pytest.mark.parametrize(
+    ("place", "number"), [(4, 2**31), (8, 2**31 - 1), (8, 0), (12, 2**31 - 1), (12, 20), (16, 2**31 - 1)]
+)
+def test_blosc_that_lies_about_its_lengths(
+    tmp_path: Path, volume: np.ndarray, place: int, number: int
+) -> None:
+    """Sizes of all, of a block, of what is stored, and where the first block begins."""
+    array = zarr.create_array(
+        tmp_path / "a.zarr", shape=volume.shape, dtype="u2", chunks=volume.shape, zarr_format=2,
+        compressors=numcodecs.Blosc(),
+    )  # fmt: skip
+    array[...] = volume // 7000
+    chunk = tmp_path / "a.zarr" / "0.0.0"
+    content = bytearray(chunk.read_bytes())
+    content[place : place + 4] = number.to_bytes(4, "little")
+    chunk.write_bytes(content)
+    with pytest.raises(ScanError, match=r"chunk 0\.0\.0 .*damaged or cut off"):
+        open_scan(tmp_path / "a.zarr", "10 um")
+
+
 def test_damage_is_told_with_its_chunk(tmp_path: Path, volume: np.ndarray) -> None:
     for number, packed in ((0, PACKED_3["zstd"]), (1, PACKED_3["checked"]), (2, PACKED_3["nothing"])):
         path = tmp_path / f"{number}.zarr"

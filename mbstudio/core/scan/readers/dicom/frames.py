@@ -22,8 +22,6 @@ _CODECS = {
     "1.2.840.10008.1.2.4.57": ("jpeg", False), "1.2.840.10008.1.2.4.70": ("jpeg", False),
     "1.2.840.10008.1.2.4.80": ("jpegls", False), "1.2.840.10008.1.2.4.81": ("jpegls", True),
     "1.2.840.10008.1.2.4.90": ("jpeg2k", False), "1.2.840.10008.1.2.4.91": ("jpeg2k", True),
-    "1.2.840.10008.1.2.4.201": ("htj2k", False), "1.2.840.10008.1.2.4.202": ("htj2k", False),
-    "1.2.840.10008.1.2.4.203": ("htj2k", True),
 }  # fmt: skip
 _ITEM, _END = b"\xfe\xff\x00\xe0", b"\xfe\xff\xdd\xe0"
 # Blank slices pack by so much at most; what claims more is no image of that size.
@@ -183,6 +181,8 @@ def _unpacked(header: Header, fragments: list[tuple[int, int]]) -> np.ndarray:
     try:
         if name == "runs":
             return _unpacked_runs(packed, header)
+        if name == "jpeg2k":
+            _require_size(packed, header)
         return _into(getattr(imagecodecs, f"{name}_decode"), packed, header)
     except (RuntimeError, ValueError, TypeError, OSError, IndexError) as error:
         raise ScanError(
@@ -213,6 +213,16 @@ def _into(codec: Any, packed: bytes, header: Header) -> np.ndarray:
         )
     assert failure is not None
     raise failure
+
+
+def _require_size(packed: bytes, header: Header) -> None:
+    """Raise ValueError unless a JPEG 2000 states the size of a frame: else it would be unpacked first."""
+    if packed[:4] != b"\xff\x4f\xff\x51" or len(packed) < 40:
+        raise ValueError("no codestream of JPEG 2000")
+    width, height, left, top = (int.from_bytes(packed[at : at + 4], "big") for at in (8, 12, 16, 20))
+    parts = int.from_bytes(packed[40:42], "big")
+    if (height - top, width - left, parts) != (header.rows, header.columns, header.samples):
+        raise ValueError(f"it states the shape ({height - top}, {width - left})")
 
 
 def _unpacked_runs(packed: bytes, header: Header) -> np.ndarray:
