@@ -142,7 +142,8 @@ def _unpacked(data: bytes, packer: str, size: int) -> bytes:
         if packer == "zstd":
             return bytes(imagecodecs.zstd_decode(data, out=size))
         if packer == "blosc":
-            if len(data) < 16 or int.from_bytes(data[4:8], "little") != size:
+            stated = [int.from_bytes(data[at : at + 4], "little") for at in (4, 12)]
+            if stated != [size, len(data)]:
                 raise _Damage("another size than it should have")
             # The second version reads what the first wrote, and does not crash where it is damaged.
             return bytes(imagecodecs.blosc2_decode(data, out=size))
