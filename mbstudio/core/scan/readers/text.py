@@ -12,3 +12,8 @@ def plain_text(content: bytes) -> str:
         return content.decode("utf-8")
     except UnicodeDecodeError:
         return content.decode("latin-1")
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says, without the line breaks that some libraries put into it."""
+    return " ".join(str(error).split())

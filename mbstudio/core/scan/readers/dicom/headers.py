@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.errors import ScanError
+from mbstudio.core.scan.readers.text import one_line
 
 _DEFLATED = "1.2.840.10008.1.2.1.99"
 _BIG_ENDIAN = "1.2.840.10008.1.2.2"
@@ -138,7 +139,8 @@ def read_header(path: Path) -> Header:
         raise
     except Exception as error:  # pydicom raises errors of many unrelated types
         raise ScanError(
-            f"{path} cannot be read as DICOM ({type(error).__name__}: {error}): it is damaged or cut off; "
+            f"{path} cannot be read as DICOM ({type(error).__name__}: {one_line(error)}): it is "
+            "damaged or cut off; "
             "copy or export it again."
         ) from error
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers.ome_zarr.store import ZarrFiles, checked_key, document
+from mbstudio.core.scan.readers.text import one_line
 
 _MOST_NODES, _DEEPEST = 5000, 24
 
@@ -167,7 +168,7 @@ def metadata_of(node: Node, files: ZarrFiles) -> tuple[Any, np.dtype[Any], tuple
     except Exception as error:  # zarr raises errors of many unrelated types
         raise ScanError(
             f"{named(files, node.key)} is described in a way that zarr does not understand "
-            f"({type(error).__name__}: {error}): export it again."
+            f"({type(error).__name__}: {one_line(error)}): export it again."
         ) from error
     if len(chunks) != len(node.shape) or min(chunks, default=1) < 1 or math.prod(chunks) > 2**40:
         raise ScanError(f"{named(files, node.key)} has chunks of impossible shape {chunks}: export it again.")
