@@ -130,6 +130,7 @@ def fit(
     big_endian: inputs.EndianOption = False,
     crop: inputs.CropOption = None,
     binning: inputs.BinOption = None,
+    anyway: inputs.AnywayOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio fit``; `HELP` says what it does."""
@@ -161,7 +162,7 @@ def fit(
     with project:
         project.hold("mbstudio fit", output)
         if project.grains is None or labels is not None or settings:
-            inputs.find_grains(project, labels, settings)
+            inputs.find_grains(project, labels, settings, anyway)
         assert project.grains is not None
         wanted = FitSettings(n, method, seed, options, aims)  # type: ignore[arg-type]
         project.change("Fit settings", fit_settings=wanted)

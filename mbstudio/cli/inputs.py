@@ -84,6 +84,9 @@ MeshCavitiesOption = Annotated[
     str,
     typer.Option("--cavities", help="'fill' cavities that the body of a mesh encloses, or 'keep' them."),
 ]
+AnywayOption = Annotated[
+    bool, typer.Option("--anyway", help="Find the grains even if the memory seems too small for it.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result, as JSON, on stdout.")]
 
 
@@ -234,8 +237,13 @@ def _grey_values(text: str | None) -> dict[str, Any]:
         ) from error
 
 
-def find_grains(project: Project, labels: Path | None, settings: dict[str, Any]) -> GrainSet:
-    """Segment the project's scan, or load a label image made elsewhere, into the project."""
+def find_grains(
+    project: Project, labels: Path | None, settings: dict[str, Any], anyway: bool = False
+) -> GrainSet:
+    """Segment the project's scan, or load a label image made elsewhere, into the project.
+
+    A scan that the memory is too small for is refused, unless it is to be tried anyway.
+    """
     from mbstudio.core.grains import load_labels, segment
     from mbstudio.core.grains.segmentation import SegmentationSettings
 
@@ -250,6 +258,7 @@ def find_grains(project: Project, labels: Path | None, settings: dict[str, Any])
         _tell_doubts(grains)
         return grains
     chosen = SegmentationSettings(**settings)
+    _tell_memory(scan, anyway)
     with console.progress("Finding grains") as report:
         grains = segment(scan, chosen, progress=report)
     project.change("Find grains", grains=grains, segmentation=chosen, fits={})
@@ -262,6 +271,21 @@ def _tell_doubts(grains: GrainSet) -> None:
     if grains.verdict is not None:
         for doubt in grains.verdict.described:
             console.tell(f"The grains are in doubt. {doubt}")
+
+
+def _tell_memory(scan: Scan, anyway: bool) -> None:
+    """Tell how much memory finding the grains takes, if that is much; refuse it if it is too much."""
+    from mbstudio.core.batch.memory_estimate import need_of_segmentation
+
+    need = need_of_segmentation(scan)
+    told = f"finding the grains of {scan.path or 'the scan'} needs {need.describe()}"
+    if not need.fits and not anyway:
+        raise MbstudioError(
+            f"{told[0].upper()}{told[1:]}: take a region of the scan (--crop) or larger voxels (--bin), "
+            "close other programs, or try it all the same (--anyway)."
+        )
+    if need.is_worth_telling:
+        console.tell(f"mbstudio: {told}.")
 
 
 def grains_of_meshes(meshes: Sequence[Path], resolution: int, unit: str | None, cavities: str) -> GrainSet:

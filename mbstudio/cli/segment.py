@@ -40,6 +40,7 @@ def segment(
     big_endian: inputs.EndianOption = False,
     crop: inputs.CropOption = None,
     binning: inputs.BinOption = None,
+    anyway: inputs.AnywayOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio segment``; `HELP` says what it does."""
@@ -63,7 +64,7 @@ def segment(
         if output is not None:
             project.hold("mbstudio segment", output)
         grains = inputs.find_grains(
-            project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark)
+            project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark), anyway
         )
         result = {**describe_grains(grains), **describe_part(project)}
         if write_labels is not None:

@@ -77,6 +77,7 @@ def sweep(
     big_endian: inputs.EndianOption = False,
     crop: inputs.CropOption = None,
     binning: inputs.BinOption = None,
+    anyway: inputs.AnywayOption = False,
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio sweep``; `HELP` says what it does."""
@@ -95,7 +96,7 @@ def sweep(
         inputs.refuse_for_meshes(settings, voxel_size=voxel_size, shape=shape)
         found = inputs.grains_of_meshes(meshes, resolution, unit, cavities)
     else:
-        found = _grains_of(inputs.one_input(sources), scan_options, settings)
+        found = _grains_of(inputs.one_input(sources), scan_options, settings, anyway)
     labels = _labels(found, inputs.numbers_in(grains, "--grains"))[:limit]
     cut_out = _cut_out(found, labels, options.get("cavities") != "keep")
     work = Sweep(cut_out, numbers, method, seed, done=done, **options)  # type: ignore[arg-type]
@@ -103,6 +104,11 @@ def sweep(
     interrupted = _drive(work, output, done, len(labels) * len(work.numbers))
     _draw(work, figure)
     _tell(work, inputs.title_of(sources), error / 100, as_json, output, figure, time.monotonic() - begun)
+    _end_as(work, interrupted)
+
+
+def _end_as(work: Sweep, interrupted: bool) -> None:
+    """End the command with an error if the sweep was interrupted, or came to nothing."""
     if interrupted:
         console.tell("mbstudio: interrupted: run the same command with --resume to continue.")
         raise typer.Exit(INTERRUPTED)
@@ -136,7 +142,9 @@ def _check_outputs(
         raise MbstudioError(f"{output} already exists: continue it with --resume, or give another name.")
 
 
-def _grains_of(source: Path, scan_options: tuple[Any, ...], settings: dict[str, Any]) -> GrainSet:
+def _grains_of(
+    source: Path, scan_options: tuple[Any, ...], settings: dict[str, Any], anyway: bool
+) -> GrainSet:
     from mbstudio.core.project import Project
 
     if inputs.is_project(source):
@@ -144,7 +152,7 @@ def _grains_of(source: Path, scan_options: tuple[Any, ...], settings: dict[str, 
     else:
         project = Project.new(inputs.open_input_scan(source, *scan_options))
     if project.grains is None or settings:
-        inputs.find_grains(project, None, settings)
+        inputs.find_grains(project, None, settings, anyway)
     assert project.grains is not None
     return project.grains
 

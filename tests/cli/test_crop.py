@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from mbstudio.core.batch import memory_estimate
 from mbstudio.core.project import Project
 
 
@@ -104,3 +105,32 @@ def test_labels_of_unbinned_voxels_are_refused(mbstudio, small_scan_file, tmp_pa
     ran = mbstudio(*common, "--crop", "5:50", "--json")
     assert ran.code == 0
     assert json.loads(ran.out)["grains"] == 2
+
+
+def test_what_the_memory_is_too_small_for_is_refused_unless_it_is_wanted(
+    mbstudio, small_scan_file, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory_estimate, "free_memory", lambda: 222_000_000)
+    common = ("segment", small_scan_file, "--voxel-size", "14 um", "--json")
+    ran = mbstudio(*common)
+    assert ran.code == 1
+    assert "needs about 224 MB of memory, 222 MB are free" in ran.err
+    assert "--crop" in ran.err
+    assert "--anyway" in ran.err
+    ran = mbstudio(*common, "--anyway")
+    assert ran.code == 0
+    assert "needs about 224 MB of memory, 222 MB are free." in ran.err
+    assert json.loads(ran.out)["grains"] == 4
+    # A part of it fits, and is no more than worth telling.
+    ran = mbstudio(*common, "--crop", ":40,:40,:40")
+    assert ran.code == 0
+    assert "222 MB are free" in ran.err
+    saved = tmp_path / "a.mbs"
+    fit = ("fit", small_scan_file, "--voxel-size", "14 um", "-o", saved)
+    assert mbstudio(*fit).code == 1
+    assert not saved.exists()
+    assert mbstudio("sweep", small_scan_file, "--voxel-size", "14 um", "-o", tmp_path / "s.csv").code == 1
+    monkeypatch.setattr(memory_estimate, "free_memory", lambda: 10**10)
+    ran = mbstudio(*common)
+    assert ran.code == 0
+    assert "memory" not in ran.err

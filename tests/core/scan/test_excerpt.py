@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import tifffile
+import zarr
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,6 +18,7 @@ from mbstudio.core.scan import Scan, open_scan
 from mbstudio.core.scan.excerpt import Excerpt, read_bin, read_crop
 from mbstudio.core.scan.grid import Grid
 from mbstudio.core.scan.readers import hdf5, slices, tiff
+from mbstudio.core.scan.readers.ome_zarr.reading import ZarrArray
 from mbstudio.core.units import VoxelSize
 
 SHAPE = (12, 14, 17)
@@ -272,6 +274,9 @@ def _written(folder: Path, kind: str, voxels: np.ndarray) -> Path:
     elif kind == "tiff":
         path = folder / "packed.tif"
         tifffile.imwrite(path, voxels, photometric="minisblack", compression="zlib")
+    elif kind == "zarr":
+        path = folder / "packed.zarr"
+        zarr.create_array(path, data=voxels, chunks=(2, 5, 5))
     else:
         path = folder / "packed.h5"
         with h5py.File(path, "w") as file:
@@ -279,7 +284,7 @@ def _written(folder: Path, kind: str, voxels: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", ["slices", "tiff", "hdf5"])
+@pytest.mark.parametrize("kind", ["slices", "tiff", "hdf5", "zarr"])
 @pytest.mark.parametrize("binning", [None, 2])
 def test_only_the_slices_of_the_region_are_read_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, binning: int | None
@@ -299,6 +304,12 @@ def test_only_the_slices_of_the_region_are_read_and_kept(
             tifffile.TiffPage, "asarray", lambda page: (seen.append(page.index), asarray(page))[1]
         )
         monkeypatch.setattr(tiff, "_decode_at_once", None)
+    elif kind == "zarr":
+        read = ZarrArray.read
+        monkeypatch.setattr(
+            ZarrArray, "read",
+            lambda array, start, stop: (seen.extend(range(start[0], stop[0])), read(array, start, stop))[1],
+        )  # fmt: skip
     else:
         monkeypatch.setattr(hdf5, "UNPACK_AT_ONCE_BYTES", 2**40)
     part = open_scan(path, SIZE, crop="4:8,2:12,:16", binning=binning)

@@ -85,7 +85,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
         return np.asarray(plain_numbers(np.frombuffer(content, dtype).reshape(shape[1:])))
 
     voxels: VoxelArray = SliceStack(read_slice, shape, dtype)
-    if math.prod(shape) * dtype.itemsize <= READ_AT_ONCE_BYTES:
+    if math.prod(shape) * dtype.itemsize <= READ_AT_ONCE_BYTES and not options.in_part:
         require_memory(shape, dtype.itemsize, path)
         voxels = np.stack([read_slice(index) for index in range(shape[0])])
     spacing = (said.edge, said.edge, said.edge) if said.edge else None

@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.formulas import nominal_diameter
+from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.scan.readers import SUFFIXES
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.grains.panel import GrainPanel
@@ -44,6 +45,7 @@ class GrainLink(QObject):
         space.selection_changed.connect(self._selection_changed)
         table.chosen.connect(space.choose)
         work.several.connect(lambda error, then: ask_which_array(error, then, studio.host))
+        work.too_large.connect(self._ask_anyway)
 
     def _scan_changed(self) -> None:
         slices = self._view.scene.layers.slices.planes
@@ -68,6 +70,10 @@ class GrainLink(QObject):
             chosen = space.selected
             place = labels.index(chosen) + step if chosen in labels else (0 if step > 0 else -1)
             space.select(labels[place % len(labels)])
+
+    def _ask_anyway(self, settings: SegmentationSettings, why: str) -> None:
+        """Say what the grains would take, and offer to try it all the same."""
+        self._studio.say("warning", why, tr("Find anyway"), lambda: self._work.find(settings, anyway=True))
 
     def ask_labels(self) -> None:
         """Let the person choose a label image."""

@@ -15,14 +15,17 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from mbstudio.core.batch.memory_estimate import need_of_segmentation
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains import GrainSet
 from mbstudio.core.grains.grey_ranges import read_ranges, write_ranges
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.grains.verdict import CRITERIA, SegmentationVerdict
+from mbstudio.core.memory import readable_bytes
 from mbstudio.core.units import unit_label
 from mbstudio.scene.layers.annotations import readable_length
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.grains.work import words_of
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.factor_words import factor_label
@@ -199,14 +202,14 @@ class GrainPanel(Panel):
 
     def refresh(self) -> None:
         """Show the grains of the workspace."""
-        grains, scan = self._workspace.state.grains, self._workspace.scan
+        grains = self._workspace.state.grains
         self._result.setVisible(grains is not None)
         of_meshes = grains is not None and grains.is_of_meshes
         # Bodies of meshes are told apart already.
         for widget in (self._settings, self.find_button, self.load_button):
             widget.setHidden(of_meshes)
-        self._hint.setVisible(scan is None and not of_meshes)
-        self._hint.setText(tr("Open a scan first (station Scan), or the meshes of scanned stones."))
+        self._hint.setHidden(of_meshes)
+        self.tell_memory()
         if grains is None:
             return
         self._count.setText(tr("{count:,} grains", count=len(grains)))
@@ -231,6 +234,21 @@ class GrainPanel(Panel):
         set_badge(self.verdict, text, kind)
         self.verdict.setToolTip(_figures_table(verdict))
         self._doubts.setText("\n\n".join(verdict.described))
+
+    def tell_memory(self) -> None:
+        """Say what finding the grains will take, and what is free where that is not plenty."""
+        scan = self._workspace.scan
+        if scan is None:
+            self._hint.setText(tr("Open a scan first (station Scan), or the meshes of scanned stones."))
+            return
+        need = need_of_segmentation(scan)
+        if need.is_worth_telling:
+            words = tr("Finding the grains takes {need}.", need=words_of(need))
+        else:
+            words = tr(
+                "Finding the grains takes about {needed} of memory.", needed=readable_bytes(need.needed, 2)
+            )
+        self._hint.setText(words)
 
     def mark_grain(self, diameter: float | None) -> None:
         """Show where the chosen grain stands among the others."""

@@ -144,6 +144,9 @@ class GrainStation(Station):
         self.mesh_link.open(paths)
         return True
 
+    def enter(self) -> None:
+        self.panel.tell_memory()
+
     def _can_find(self) -> bool:
         return self.studio.workspace.scan is not None and self.studio.queue.running() is None
 

@@ -8,10 +8,12 @@ from types import MappingProxyType
 
 from PySide6.QtCore import Signal
 
+from mbstudio.core.batch.memory_estimate import MemoryNeed, need_of_segmentation
 from mbstudio.core.batch.segmenting import segment_in_process
 from mbstudio.core.errors import GrainWarning, SegmentationWarning, SeveralArraysError
 from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
+from mbstudio.core.memory import readable_bytes
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task
@@ -24,14 +26,29 @@ class GrainWork(Work):
     ----------
     several : signal (SeveralArraysError, callable)
         A file of labels holds several arrays. Call with the path of the one that is meant.
+    too_large : signal (SegmentationSettings, str)
+        The memory is too small for finding the grains with these settings: what it would take. To try it
+        all the same, call :meth:`find` with `anyway`.
     """
 
     several = Signal(object, object)
+    too_large = Signal(object, str)
 
-    def find(self, settings: SegmentationSettings) -> Task | None:
+    def find(self, settings: SegmentationSettings, *, anyway: bool = False) -> Task | None:
         """Find the grains of the scan in place of the present ones and their fits."""
         scan = self.workspace.scan
         if scan is None:
+            return None
+        need = need_of_segmentation(scan)
+        if not need.fits and not anyway:
+            self.too_large.emit(
+                settings,
+                tr(
+                    "Finding the grains needs {need}: take a part of the scan or larger voxels "
+                    "(station Scan, Crop or bin), or close other programs.",
+                    need=words_of(need),
+                ),
+            )
             return None
 
         def work(control: Control) -> tuple[GrainSet, tuple[str, ...]]:
@@ -96,6 +113,14 @@ class GrainWork(Work):
         )
         doubts = grains.verdict.described if grains.verdict is not None else []
         self.said.emit("warning" if notes or doubts else "success", " ".join((told, *notes, *doubts[:1])))
+
+
+def words_of(need: MemoryNeed) -> str:
+    """Return what is needed, and what is free where the system tells."""
+    needed = readable_bytes(need.needed, 2)
+    if need.free is None:
+        return tr("about {needed} of memory", needed=needed)
+    return tr("about {needed} of memory, {free} are free", needed=needed, free=readable_bytes(need.free, 2))
 
 
 def _notes(told: list[warnings.WarningMessage], kind: type[Warning]) -> tuple[str, ...]:

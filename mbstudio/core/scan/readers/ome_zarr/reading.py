@@ -31,7 +31,7 @@ from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_number
 from mbstudio.core.scan.readers.size_attributes import spacing_of_attributes
 from mbstudio.core.scan.readers.tiff_lengths import shared_unit
 from mbstudio.core.scan.scan import VoxelArray
-from mbstudio.core.scan.slice_stack import SliceStack
+from mbstudio.core.scan.slice_stack import Block, SliceStack
 
 FOLDER_SUFFIX = ".zarr"
 SUFFIXES = (FOLDER_SUFFIX, ".zarr.zip", ".ozx")
@@ -67,7 +67,7 @@ def read(path: Path, options: ReadOptions) -> Reading:
             f"lacks {array.missing:,} of {array.files:,} chunks, where Zarr means {array.filler}: if the "
             "image is not empty there, it was not copied as a whole."
         )
-    voxels = _voxels(array, order, fixed, samples, options.numbers)
+    voxels = _voxels(array, order, fixed, samples, options)
     metadata = {
         "array": level.node.key,
         "format": level.node.format,
@@ -275,24 +275,29 @@ def _voxels(
     order: tuple[int, int, int],
     fixed: Mapping[int, int],
     samples: int | None,
-    numbers: bool,
+    options: ReadOptions,
 ) -> VoxelArray:
     """Return the voxels, unpacked or lazy, in the order z, y, x."""
     shape = tuple(array.shape[axis] for axis in order)
     meaning = PixelMeaning(samples=array.shape[samples] if samples is not None else 1)
 
-    def read_slices(first: int, last: int) -> np.ndarray:
+    def read_block(part: Block) -> np.ndarray:
         start = [fixed.get(axis, 0) for axis in range(len(array.shape))]
         stop = [start[axis] + 1 if axis in fixed else count for axis, count in enumerate(array.shape)]
-        start[order[0]], stop[order[0]] = first, last
+        for axis, ends in zip(order, part, strict=True):
+            start[axis], stop[axis] = ends.start, ends.stop
         block = array.read(start, stop).transpose([*order, *(a for a in range(len(start)) if a not in order)])
         if samples is not None:
-            return np.ascontiguousarray(decode(block, meaning, array.name, numbers=numbers))
-        block = block.reshape(last - first, shape[1], shape[2])
+            return np.ascontiguousarray(decode(block, meaning, array.name, numbers=options.numbers))
+        block = block.reshape([ends.stop - ends.start for ends in part])
         return np.asarray(plain_numbers(np.ascontiguousarray(block)))
 
+    def read_slices(first: int, last: int) -> np.ndarray:
+        return read_block((slice(first, last), slice(0, shape[1]), slice(0, shape[2])))
+
     slice_bytes = shape[1] * shape[2] * array.dtype.itemsize
-    if shape[0] * slice_bytes <= UNPACK_AT_ONCE_BYTES or samples is not None:
+    is_small = shape[0] * slice_bytes <= UNPACK_AT_ONCE_BYTES
+    if (is_small and not options.in_part) or samples is not None:
         require_memory(array.shape, array.dtype.itemsize, Path(array.name))
         return read_slices(0, shape[0])
     depth = array.chunks[order[0]]
@@ -311,7 +316,7 @@ def _voxels(
             return image.copy()
 
     kind = plain_numbers(np.zeros(1, array.dtype)).dtype
-    return SliceStack(read_slice, (shape[0], shape[1], shape[2]), kind)
+    return SliceStack(read_slice, (shape[0], shape[1], shape[2]), kind, read_block=read_block)
 
 
 # Its place in space -----------------------------------------------------------------------------------
