@@ -32,7 +32,7 @@ from tests.core.grains.degraded import CONTRAST, VOID, scanned, scattered
 
 SIZE = VoxelSize(10, 10, 10, "um")
 SCANS = 320
-FIRST_SEED = 5000
+FIRST_SEED = 13000
 KINDS = (
     ("cobble",),
     ("angular",),

@@ -1,10 +1,9 @@
 """Where a scan's phases meet: the grey values on both sides of every sharp change.
 
 Each voxel where the gradient is largest along its own direction lies on an interface. From there the grey
-value
-is followed to both sides until the gradient has faded: what it comes to is the level of the darker and of the
-brighter phase (the LH histogram of Sereda et al. 2006, IEEE TVCG 12, 208). Levels found in this way do not
-depend on how much of the scan each phase fills, and where they drift with the place, so do they.
+value is followed to both sides until the gradient has faded: what it comes to is the level of the darker and
+of the brighter phase (the LH histogram of Sereda et al. 2006, IEEE TVCG 12, 208). Levels found in this way do
+not depend on how much of the scan each phase fills, and where they drift with the place, so do they.
 """
 
 from __future__ import annotations

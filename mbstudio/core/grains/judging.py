@@ -18,6 +18,9 @@ from mbstudio.core.scan.field_of_view import FieldOfView
 _SAMPLED_VOXELS = 60_000  # of the grains' surface
 _SAMPLED_GRAINS = 150
 _FEW, _MANY = 5, 20  # grains
+_BLURRED = 3  # voxels from a surface: what is not void alone
+_AROUND = 6.0  # voxels: standard deviation of the weights for the level of the void around a place
+_FEWEST_OF_VOID = 500
 _REACH = 2.0  # voxels between a surface and where the grey values of its sides are taken
 _AVERAGED = 27  # voxels at each of these places
 _MISSING = 0.3  # share of a grain's own contrast below which its surface is not borne out
@@ -55,9 +58,14 @@ def judge_labels(
         interfaces = find_interfaces(grey.astype(np.float32), view.mask)
     phases = phases or find_phases(interfaces)
     voxels, boxes, _, cut = statistics(labels, view.rim_cutting(labels))
-    figures = _surfaces(
-        grey, labels, interfaces, view.mask, has_liquid=bool(phases and phases.liquid is not None)
-    )
+    has_liquid = phases is not None and phases.liquid is not None
+    figures = _surfaces(grey, labels, interfaces, view.mask)
+    if phases is not None and has_liquid:
+        figures.pop("edges_outside", None)  # the outer surface of a liquid is an edge with no grain at it
+        figures |= _wet_levels(grey, labels, view.mask, phases)
+    elif "contrast_to_noise" in figures:
+        contrast = figures["contrast_to_noise"] * interfaces.noise
+        figures["texture_of_void"] = _void_texture(grey, labels, view.mask, interfaces.noise) / contrast
     figures["solidity"] = _median_solidity(labels, boxes, cut)
     if splitting_agreement is not None:
         figures["splitting_agreement"] = splitting_agreement
@@ -74,7 +82,6 @@ def _surfaces(
     labels: Int[np.ndarray, "Z Y X"],
     interfaces: Interfaces,
     seen: Bool[np.ndarray, "Z Y X"],
-    has_liquid: bool,
 ) -> dict[str, float]:
     """Compare grains' surfaces with the edges of the scan; nothing where none of them is seen."""
     places = _surface_voxels(labels, seen)
@@ -94,9 +101,58 @@ def _surfaces(
     if strong.any():
         inside, outside = _count_unexplained(labels, interfaces.places[strong].astype(np.int64))
         figures["edges_inside"] = inside / float(strong.sum())
-        # The outer surface of a liquid is an edge with no grain at it.
-        figures["edges_outside_wet" if has_liquid else "edges_outside"] = outside / float(strong.sum())
+        figures["edges_outside"] = outside / float(strong.sum())
     return figures
+
+
+def _wet_levels(
+    grey: Shaped[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    seen: Bool[np.ndarray, "Z Y X"],
+    phases: Phases,
+) -> dict[str, float]:
+    """Return how much of what lies between grains is void or liquid, and how many surfaces meet one tone.
+
+    Drifts and streaks are taken for a liquid at times: then grey values lie at all levels.
+    """
+    assert phases.liquid is not None
+    box = _middle_box(labels)
+    between = ~ndimage.binary_dilation(labels[box] > 0)
+    between &= ndimage.binary_erosion(seen[box], iterations=_BLURRED, border_value=1)
+    figures = {}
+    span = phases.tones[0] - phases.void
+    if np.count_nonzero(between) >= _FEWEST_OF_VOID:
+        means = ndimage.uniform_filter(grey[box].astype(np.float32), 3)[between]
+        means *= -1.0 if phases.dark else 1.0
+        away = np.minimum(np.abs(means - phases.void), np.abs(means - phases.liquid))
+        figures["void_or_liquid"] = float((away < 0.1 * span).mean())
+    figures["one_tone"] = float((np.abs(phases.interfaces.highs - phases.tones[0]) < 0.15 * span).mean())
+    return figures
+
+
+def _void_texture(
+    grey: Shaped[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    seen: Bool[np.ndarray, "Z Y X"],
+    noise: float,
+) -> float:
+    """Return how much the void varies from place to place, beyond noise and slow drifts; else NaN.
+
+    It is the deviation of means over 27 voxels from the void's level around them, less what independent noise
+    leaves in such means, in a box in the middle of the grains.
+    """
+    box = _middle_box(labels)
+    void = ~ndimage.binary_dilation(labels[box] > 0, iterations=_BLURRED)
+    void &= ndimage.binary_erosion(seen[box], iterations=_BLURRED, border_value=1)
+    if np.count_nonzero(void) < _FEWEST_OF_VOID:
+        return float("nan")
+    means = ndimage.uniform_filter(grey[box].astype(np.float32), 3)
+    weights = void.astype(np.float32)
+    around = ndimage.gaussian_filter(means * weights, _AROUND)
+    around /= np.maximum(ndimage.gaussian_filter(weights, _AROUND), 1e-6)
+    low, high = np.quantile((means - around)[void], (0.05, 0.95))
+    # Of a normal distribution these quantiles are 3.29 deviations apart.
+    return float(np.sqrt(max(((high - low) / 3.29) ** 2 - noise**2 / _AVERAGED, 0.0)))
 
 
 def _median_solidity(

@@ -57,9 +57,8 @@ class Phases:
     curvature : float
         Median sum of the principal curvatures of the grains' surfaces, 1 / voxel.
     spread : float
-        Between the 10th and the 90th percentile of the middles of grains' interfaces, in contrasts: how far
-        one
-        threshold is from serving the whole scan.
+        Between the 10th and the 90th percentile of the middles of grains' interfaces, in contrasts:
+        how far one threshold is from serving the whole scan.
     interfaces : Interfaces
         Those of the grains' surfaces.
     """
@@ -178,10 +177,9 @@ def _kinds(interfaces: Interfaces) -> tuple[tuple[Kind, ...], float]:
 def _usual_contrast(contrasts: Float[np.ndarray, " m"], noise: float) -> tuple[float, Bool[np.ndarray, " m"]]:
     """Return the contrast of grains, and which interfaces are neither texture nor heavy minerals.
 
-    It is the median weighted by its square: however much weak texture there is, it does not set the scale.
-    Where
-    this leaves out most of what stands out clearly, it is that of a few very bright inclusions, which are set
-    aside.
+    It is the median weighted by its square: however much weak texture there is, it does not set the
+    scale. Where this leaves out most of what stands out clearly, it is that of a few very bright
+    inclusions, which are set aside.
     """
     belonging = np.ones(len(contrasts), np.bool_)
     while True:
@@ -227,10 +225,9 @@ def _turned(interfaces: Interfaces) -> Interfaces:
 def _levels(kinds: tuple[Kind, ...], contrast: float) -> tuple[float, tuple[float, ...], float | None]:
     """Return the level of the void, those of the grains, and that of a liquid if there is one.
 
-    A level that is the bright side of some interfaces and the dark side of others lies between two phases.
-    It is
-    a liquid if it meets the brighter phase at least half as often as the void: inclusions in grains are
-    fewer.
+    A level that is the bright side of some interfaces and the dark side of others lies between two
+    phases. It is a liquid if it meets the brighter phase at least half as often as the void: inclusions
+    in grains are fewer.
     """
     void = min(kind.low for kind in kinds if kind.share > 0.1)
     liquid: float | None = None

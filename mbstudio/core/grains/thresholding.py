@@ -23,11 +23,10 @@ _SLAB = 48
 class LocalThreshold:
     """A threshold that is half-way between the phases wherever they meet.
 
-    From the middles of the interfaces nearby, by weights that fall with the distance; far from all of them
-    the
-    threshold goes over to wider averages, and to one value. Interpolating a threshold between edges is the
-    way
-    of Yanowitz and Bruckstein (1989), *Computer Vision, Graphics, and Image Processing* 46, 82.
+    From the middles of the interfaces nearby, by weights that fall with the distance; far from all of
+    them the threshold goes over to wider averages, and to one value. Interpolating a threshold between
+    edges is the way of Yanowitz and Bruckstein (1989), *Computer Vision, Graphics, and Image Processing*
+    46, 82.
 
     Attributes
     ----------
@@ -37,9 +36,8 @@ class LocalThreshold:
     overall : float
         The value far from all interfaces.
     near : bool
-        Whether interfaces are averaged over a few voxels, so that each grain has a threshold of its own;
-        otherwise
-        over many, which follows what drifts across the scan.
+        Whether interfaces are averaged over a few voxels, so that each grain has a threshold of its
+        own; otherwise over many, which follows what drifts across the scan.
     """
 
     shape: tuple[int, int, int]

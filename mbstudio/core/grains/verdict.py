@@ -55,7 +55,7 @@ class Criterion:
 
     def written(self, figure: float) -> str:
         """Return a figure as it is read."""
-        return f"{100 * figure:.0f} %" if self.is_share else f"{figure:.2g}"
+        return f"{100 * figure:.3g} %" if self.is_share else f"{figure:.2g}"
 
     @property
     def wanted(self) -> str:
@@ -77,8 +77,8 @@ CRITERIA: tuple[Criterion, ...] = (
     Criterion(
         "surface_borne_out",
         mark("Surface with a change in grey value"),
-        0.88,
-        0.75,
+        0.84,
+        0.7,
         True,
         "Grains end where the scan shows no edge: state a threshold, or crop away what is uneven.",
         is_share=True,
@@ -103,12 +103,32 @@ CRITERIA: tuple[Criterion, ...] = (
         is_share=True,
     ),
     Criterion(
-        "edges_outside_wet",
-        mark("Edges outside all grains, with a liquid"),
-        0.3,
+        "void_or_liquid",
+        mark("Void or liquid between the grains"),
+        0.6,
         0.5,
+        True,
+        "What seems to be a liquid may be a drift of the grey values, or grains that were missed: state the "
+        "threshold.",
+        is_share=True,
+    ),
+    Criterion(
+        "one_tone",
+        mark("Surfaces that meet the grains' tone, in a liquid"),
+        0.8,
+        0.5,
+        True,
+        "What seems to be a liquid may be streaks, or grains of another tone: state the threshold.",
+        is_share=True,
+    ),
+    Criterion(
+        "texture_of_void",
+        mark("Texture of the void, in contrasts"),
+        0.13,
+        0.25,
         False,
-        "The scan shows more than a liquid between the grains: state the threshold.",
+        "The void is not even: look for faint grains that were missed, rings and streaks, and state the "
+        "threshold.",
         is_share=True,
     ),
     Criterion(

@@ -7,7 +7,7 @@ import pytest
 
 import mbstudio as mb
 from mbstudio.core.batch.segmenting import segment_in_process
-from mbstudio.core.errors import SegmentationError
+from mbstudio.core.errors import SegmentationError, SegmentationWarning
 from mbstudio.core.grains.agreement import agreement
 from mbstudio.core.grains.judging import judge_labels
 from mbstudio.core.grains.verdict import CRITERIA, SegmentationVerdict
@@ -72,6 +72,29 @@ def test_a_liquid_taken_for_grain_is_told():
     assert "edges_inside" not in doubts(verdict)
     swollen = mb.segment(Scan(grey, SIZE), threshold=VOID + 0.25 * CONTRAST)
     assert "edges_inside" in doubts(swollen.verdict)
+
+
+def test_a_liquid_between_the_grains_is_no_doubt():
+    truth = scattered(0.1, 2)
+    verdict = judged(scanned(truth, water=5.0), truth)
+    assert verdict.phases == 3
+    assert verdict.level == "green"
+
+
+def test_a_drift_taken_for_a_liquid_is_told():
+    truth = packed(5)
+    with pytest.warns(SegmentationWarning, match="liquid"):
+        grains = found(truth, {"drift": 1.6})
+    assert agreement(grains.labels, truth).f1 < 0.8
+    assert "void_or_liquid" in doubts(grains.verdict)
+
+
+def test_faint_grains_that_were_missed_are_told():
+    truth = packed(5)
+    grey = scanned(truth, toned=(0.4, 0.3), noise=0.15)
+    bright = np.where(np.isin(truth, np.unique(truth)[::3]), 0, truth)
+    verdict = judged(grey, np.unique(bright, return_inverse=True)[1].reshape(truth.shape))
+    assert verdict.level != "green"
 
 
 def test_missing_grains_are_told():

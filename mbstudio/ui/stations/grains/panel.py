@@ -227,9 +227,9 @@ class GrainPanel(Panel):
         if verdict is None:
             return
         text, kind = {
-            "green": (tr("● Borne out"), "good"),
-            "amber": (tr("▲ Doubtful"), "amber"),
-            "red": (tr("■ Not borne out"), "bad"),
+            "green": (tr("● Sound"), "good"),
+            "amber": (tr("▲ In doubt"), "amber"),
+            "red": (tr("■ Unsound"), "bad"),
         }[verdict.level]
         set_badge(self.verdict, text, kind)
         self.verdict.setToolTip(_figures_table(verdict))

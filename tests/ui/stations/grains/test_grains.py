@@ -53,7 +53,7 @@ def test_the_verdict_is_shown_with_what_to_do(window, idle, tmp_path):
     panel = window.stations.grains.panel
     window.stations.grains.work.find(SegmentationSettings())
     idle()
-    assert (panel.verdict.property("badge"), panel.verdict.text()) == ("good", "● Borne out")
+    assert (panel.verdict.property("badge"), panel.verdict.text()) == ("good", "● Sound")
     assert not panel._doubts.isVisibleTo(panel)
     assert "Contrast to noise" in panel.verdict.toolTip()
     assert window.messages.level == "success"
