@@ -150,7 +150,7 @@ def test_a_project_of_avatars_does_not_give_way_to_one_without(mbstudio, fitted_
     trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.ply")
     (tmp_path / "kept.mbs").write_bytes(fitted_project.read_bytes())
     ran = mbstudio(
-        "fit", tmp_path / "ball.ply", "--unit", "mm", "--resolution", 12, "-n", 5_000, "--workers", 0,
+        "fit", tmp_path / "ball.ply", "--unit", "mm", "--resolution", 20, "-n", 5_000, "--workers", 0,
         "-o", tmp_path / "kept.mbs",
     )  # fmt: skip
     assert ran.code == 1

@@ -362,7 +362,7 @@ def test_a_scan_that_moved_can_be_given(mbstudio, small_scan_file, tmp_path):
     moved.rename(tmp_path / "elsewhere.tif")
     ran = mbstudio("segment", tmp_path / "a.mbs")
     assert ran.code == 1
-    assert "scan.tif is not there" in ran.err
+    assert "scan.tif does not exist" in ran.err
     ran = mbstudio("segment", tmp_path / "a.mbs", "--scan", tmp_path / "elsewhere.tif", "--json")
     assert json.loads(ran.out)["grains"] == 4
 

@@ -214,7 +214,7 @@ SHOWN = {
     "QDockWidget": 0, "QMenu": 0, "QToolBar": 0, "QListWidgetItem": 0, "QTableWidgetItem": 0, "label": 0,
     "primary_button": 0, "quiet_button": 0, "row": EVERY, "Task": 0, "say": EVERY, "progress": 1, "report": 1,
     "change": 0, "add_fits": 1, "Operation": 2, "getOpenFileName": EVERY, "getSaveFileName": EVERY,
-    "getExistingDirectory": EVERY,
+    "getOpenFileNames": EVERY, "getExistingDirectory": EVERY,
 }  # fmt: skip
 """What shows or says a text, and at which place it stands."""
 NO_WORDS = {"MetaBall Studio", "sphericity=0.75..0.8\nD50=0.4 mm", "error", "warning", "success", "info"}

@@ -63,7 +63,7 @@ def judge_labels(
     if phases is not None and has_liquid:
         figures.pop("edges_outside", None)  # the outer surface of a liquid is an edge with no grain at it
         figures |= _wet_levels(grey, labels, view.mask, phases)
-    elif "contrast_to_noise" in figures:
+    elif figures.get("contrast_to_noise", 0.0) > 0.0:
         contrast = figures["contrast_to_noise"] * interfaces.noise
         figures["texture_of_void"] = _void_texture(grey, labels, view.mask, interfaces.noise) / contrast
     figures["solidity"] = _median_solidity(labels, boxes, cut)

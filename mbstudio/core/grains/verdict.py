@@ -99,7 +99,8 @@ CRITERIA: tuple[Criterion, ...] = (
         0.1,
         0.3,
         False,
-        "The scan shows bodies that are no grains here: lower the smallest grain, or state the threshold.",
+        "The scan shows bodies that are not among the grains: lower the smallest grain, or state the "
+        "threshold.",
         is_share=True,
     ),
     Criterion(

@@ -45,7 +45,7 @@ def reopen_whole(reference: ScanReference) -> Scan:
     """
     excerpt = reference.excerpt
     if excerpt is None or reference.path is None:
-        raise ScanError("The project's scan is no part of a file: there is nothing more of it to show.")
+        raise ScanError("The project's scan is not a part of a file: there is nothing more of it to show.")
     if not source_exists(reference.path):
         raise ScanError(
             f"The project's scan {reference.path} is not there. If it was moved, {HOW_TO_RELOCATE}."

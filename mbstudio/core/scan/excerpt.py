@@ -269,7 +269,7 @@ def _index(end: object, crop: Crop) -> int:
         return operator.index(end)  # type: ignore[arg-type]
     except TypeError as error:
         raise ScanError(
-            f"The region '{_text(crop)}' has ends that are no whole numbers: {_HOW_TO_CROP}."
+            f"The region '{_text(crop)}' has ends that are not whole numbers: {_HOW_TO_CROP}."
         ) from error
 
 
@@ -280,7 +280,7 @@ def _parts(crop: Crop) -> list[slice]:
     if not isinstance(crop, str):
         parts = list(crop)
         if not all(isinstance(part, slice) for part in parts):
-            raise ScanError(f"The region '{crop}' is no sequence of slices: {_HOW_TO_CROP}.")
+            raise ScanError(f"The region '{crop}' is not a sequence of slices: {_HOW_TO_CROP}.")
         return parts
     parts = []
     for word in crop.split(","):

@@ -273,7 +273,7 @@ def test_axes_can_be_measured_along_the_box_of_another_body():
     quarter = measure(grain, along=box.directions @ turn.T)
     assert (quarter.shortest, quarter.intermediate) == pytest.approx([3 / math.sqrt(2)] * 2, rel=5e-3)
     assert quarter.longest == pytest.approx(5, rel=2e-3)
-    with pytest.raises(MeasureError, match="axes='obb', not with axes='feret'"):
+    with pytest.raises(MeasureError, match="axes='obb', not to axes='feret'"):
         measure(grain, axes="feret", along=box.directions)
 
 

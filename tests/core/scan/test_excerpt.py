@@ -71,8 +71,8 @@ def test_a_region_is_written_as_python_slices(crop, ends) -> None:
         ("1.5:3", "cannot be read"),
         (":,:,:,:", "4 parts"),
         (np.s_[0:4:2], "step along z"),
-        (np.s_[0.5:4], "no whole numbers"),
-        ((1, 2, 3), "no sequence of slices"),
+        (np.s_[0.5:4], "not whole numbers"),
+        ((1, 2, 3), "not a sequence of slices"),
     ],
 )
 def test_a_region_that_is_none_is_refused_with_the_size_of_the_scan(crop, said: str) -> None:

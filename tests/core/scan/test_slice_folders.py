@@ -87,7 +87,7 @@ def test_one_slice_of_another_size_or_type(tmp_path: Path) -> None:
 def test_a_stack_among_slices(tmp_path: Path) -> None:
     for n in range(3):
         tifffile.imwrite(tmp_path / f"r_{n}.tif", np.zeros((5, 6, 7) if n == 0 else (6, 7), np.uint8))
-    with pytest.raises(ScanError, match=r"r_0\.tif contains 5 images"):
+    with pytest.raises(ScanError, match=r"r_0\.tif holds 5 images"):
         open_scan(tmp_path, "10 um")
 
 

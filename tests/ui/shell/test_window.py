@@ -226,6 +226,7 @@ def test_every_command_runs_or_is_disabled(segmented, idle, monkeypatch, tmp_pat
     nothing = lambda *args, **kwargs: ("", "")  # noqa: E731
     for name in ("getOpenFileName", "getSaveFileName"):
         monkeypatch.setattr(QFileDialog, name, nothing)
+    monkeypatch.setattr(QFileDialog, "getOpenFileNames", lambda *args: ([], ""))
     monkeypatch.setattr(QFileDialog, "getExistingDirectory", lambda *args: "")
     with qtbot.captureExceptions() as exceptions:
         for command in window.commands:

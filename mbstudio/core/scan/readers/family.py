@@ -179,7 +179,7 @@ def require_file(path: Path) -> None:
     if not is_there(path):
         raise ScanError(f"{path} does not exist: check the name and the folder.")
     if not path.is_file():
-        raise ScanError(f"{path} is no regular file, so that it holds no scan.")
+        raise ScanError(f"{path} is not a regular file, so it holds no scan.")
 
 
 def is_there(path: Path) -> bool:

@@ -135,7 +135,7 @@ def _whole(fields: dict[str, str], name: str, default: int, path: Path) -> int:
     text = fields.get(name, str(default)).strip()
     if not re.fullmatch(r"-?[0-9]{1,18}", text):
         raise ScanError(
-            f"The header of {path} gives {name} as '{text[:60]}', which is no whole number: correct it or "
+            f"The header of {path} gives {name} as '{text[:60]}', which is not a whole number: correct it or "
             f"export "
             "it again."
         )

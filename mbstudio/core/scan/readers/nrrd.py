@@ -153,7 +153,7 @@ def _skip(header: dict[str, Any], name: str, path: Path) -> int:
     text = str(header.get(name, header.get(name.replace(" ", ""), 0))).strip()
     if not re.fullmatch(r"-1|[0-9]{1,18}", text):
         raise ScanError(
-            f"The header of {path} gives {name} as '{text[:60]}', which is no number: correct it."
+            f"The header of {path} gives {name} as '{text[:60]}', which is not a number: correct it."
         )
     return int(text)
 

@@ -114,7 +114,7 @@ def written_out(
         numbers = np.array(words).astype(np.int64)
     except (ValueError, OverflowError) as error:
         raise ScanError(
-            f"{path} holds what is no number ({error}): it is damaged; copy or export it again."
+            f"{path} holds something that is not a number ({error}): it is damaged; copy or export it again."
         ) from error
     kind = np.iinfo(dtype)
     if len(numbers) and (numbers.min() < kind.min or numbers.max() > kind.max):

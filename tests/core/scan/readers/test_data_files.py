@@ -128,7 +128,7 @@ def test_pipes_are_refused_and_not_waited_for(tmp_path: Path) -> None:
         mhd(tmp_path, "ElementDataFile = s.raw"),
         nhdr(tmp_path, "encoding: raw", "data file: s.raw", ""),
     ):
-        with pytest.raises(ScanError, match=r"s\.raw is no regular file"):
+        with pytest.raises(ScanError, match=r"s\.raw is not a regular file"):
             open_scan(path, "10 um")
 
 
@@ -216,10 +216,10 @@ def test_as_many_voxels_as_stated(tmp_path: Path, volume: np.ndarray, packing: s
      (("CompressedData = True", "CompressedDataSize = 99999"), "more packed bytes than s.raw holds"),
      (("NDims = 4",), r"4 axes .NDims., but 3"), (("DimSize = 11 seven 5",), "how many voxels"),
      (("DimSize = 11 7 1e99",), "how many voxels"), (("ElementType = MET_OTHER",), "MET_OTHER"),
-     (("ElementNumberOfChannels = 0",), "0 channels"), (("ElementNumberOfChannels = x",), "no whole number"),
+     (("ElementNumberOfChannels = 0",), "0 channels"), (("ElementNumberOfChannels = x",), "whole number"),
      (("ElementSpacing = 1 one 1",), "invalid number"), (("ElementSpacing = 1",), "invalid number"),
      (("TransformMatrix = 1 0 0",), "invalid number"),
-     (("BinaryData = False",), "holds what is no number|numbers, where")],
+     (("BinaryData = False",), "holds something that is not a number|numbers, where")],
 )  # fmt: skip
 def test_headers_that_say_something_wrong(
     tmp_path: Path, volume: np.ndarray, lines: tuple[str, ...], says: str

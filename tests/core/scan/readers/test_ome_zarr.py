@@ -554,7 +554,7 @@ def test_what_is_not_damaged_is_not_said_to_be(tmp_path: Path, volume: np.ndarra
     with pytest.raises(ScanError, match=r"cannot be read as Zarr \(zarr\.json"):
         open_scan(empty, "10 um")
     (tmp_path / "n.zarr.zip").write_bytes(b"nothing")
-    with pytest.raises(ScanError, match="no ZIP archive"):
+    with pytest.raises(ScanError, match="not a ZIP archive"):
         open_scan(tmp_path / "n.zarr.zip", "10 um")
 
 

@@ -151,11 +151,11 @@ def test_vgi_that_names_its_volume_by_a_path_of_another_machine(tmp_path: Path, 
     ("old", "new", "says"),
     [("Size = 11 7 5", "Size = 11 7 6", "a part is shown"),
      ("[file1]", "[file1]\nName = a\n[file2]", "2 files of voxels"),
-     ("size = 11 7 5", "size = 11 0 5", "no number of voxels"),
+     ("size = 11 7 5", "size = 11 0 5", "not a number of voxels"),
      ("size = 11 7 5", "size = 11 7", "as 11 x 7"),
      ("Datatype = unsigned integer", "Datatype = complex", "not read"),
      ("BitsPerElement = 16", "BitsPerElement = 12", "12 bits"),
-     ("SkipHeader = 0", "SkipHeader = -5", "no number of bytes"),
+     ("SkipHeader = 0", "SkipHeader = -5", "not a number of bytes"),
      ("SkipHeader = 0", "SkipHeader = 5", "5 fewer.*cut off"),
      ("resolution = 0.01 0.01 0.02", "resolution = 0.01 x 0.02", "not three lengths")],
 )  # fmt: skip
@@ -214,8 +214,8 @@ def test_an_xtekct_without_the_type_is_told_by_the_length(
 @pytest.mark.parametrize(
     ("text", "says"),
     [(XTEK.replace("VoxelsY=7\n", ""), "does not say VoxelsY"),
-     (XTEK.replace("=7", "=7.5"), "no number of voxels"),
-     ("Name=s\n", r"\[XTekCT\] is missing"), (XTEK.replace("=0.02", "=wide"), "no length"),
+     (XTEK.replace("=7", "=7.5"), "not a number of voxels"),
+     ("Name=s\n", r"\[XTekCT\] is missing"), (XTEK.replace("=0.02", "=wide"), "not a length"),
      (XTEK.replace("VoxelsX=11", "VoxelsX=11\nVoxelsX=12"), "as 11 and as 12")],
 )  # fmt: skip
 def test_what_an_xtekct_says_wrongly(tmp_path: Path, volume: np.ndarray, text: str, says: str) -> None:
@@ -241,7 +241,7 @@ def test_pcr_describes_the_volume_beside_it(
     ("old", "new", "says"),
     [("Format=5", "Format=7", "only 1 .8 bits., 5"), ("Format=5", "Format=10", "fewer.*cut off"),
      ("Format=5", "Format=1", "385 more"), ("Format=5\n", "", "does not say Format"),
-     ("[VolumeData]", "[Volume]", "VolumeData"), ("SizeZ=5", "SizeZ=-5", "no number of voxels")],
+     ("[VolumeData]", "[Volume]", "VolumeData"), ("SizeZ=5", "SizeZ=-5", "not a number of voxels")],
 )  # fmt: skip
 def test_what_a_pcr_says_wrongly(tmp_path: Path, volume: np.ndarray, old: str, new: str, says: str) -> None:
     write(tmp_path, volume, pcr=PCR.replace(old, new))
@@ -387,15 +387,15 @@ def test_links_out_of_the_folder_are_not_followed(tmp_path: Path, volume: np.nda
 def test_pipes_are_refused_and_not_waited_for(tmp_path: Path, volume: np.ndarray) -> None:
     for name in ("p.vol", "p.vgi", "p.tif", "p.nrrd", "p.mhd", "p.h5", "p.npy", "p.pcr"):
         os.mkfifo(tmp_path / name)
-        with pytest.raises(ScanError, match="no regular file"):
+        with pytest.raises(ScanError, match="not a regular file"):
             open_scan(tmp_path / name, "10 um")
     (tmp_path / "p.vol").unlink()
     (tmp_path / "p.vol").write_bytes(volume.tobytes())
-    with pytest.raises(ScanError, match=r"p\.vgi is no regular file"):
+    with pytest.raises(ScanError, match=r"p\.vgi is not a regular file"):
         open_scan(tmp_path / "p.vol", "10 um")
     (tmp_path / "s.vgi").write_text(VGI)
     os.mkfifo(tmp_path / "s.vol")
-    with pytest.raises(ScanError, match=r"s\.vol is no regular file"):
+    with pytest.raises(ScanError, match=r"s\.vol is not a regular file"):
         open_scan(tmp_path / "s.vgi", "10 um")
 
 

@@ -308,7 +308,7 @@ def test_blocks_are_not_unpacked_beyond_their_size(tmp_path: Path, volume: np.nd
 
 def test_numbers_that_the_type_does_not_hold(tmp_path: Path) -> None:
     ones = "1 " * 384
-    for text, told in ((ones + "70000", "none of uint16"), (ones + "a", "no number"),
+    for text, told in ((ones + "70000", "none of uint16"), (ones + "a", "not a number"),
                        (ones + "-1", "none of uint16"), (ones + "1 1", "386 numbers where 385")):  # fmt: skip
         array = f'<DataArray type="UInt16" Name="a" format="ascii">{text}</DataArray>'
         with pytest.raises(ScanError, match=told):

@@ -111,7 +111,7 @@ def headers_of_folder(folder: Path) -> tuple[list[Header], tuple[str, ...]]:
     notes: tuple[str, ...] = ()
     if others:
         names = ", ".join(file.name for file in others[:5]) + (", ..." if len(others) > 5 else "")
-        notes = (f"holds files that are no DICOM, which were left out: {names}.",)
+        notes = (f"holds files that are not DICOM, which were left out: {names}.",)
     return headers, notes
 
 

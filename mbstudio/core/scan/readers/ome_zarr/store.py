@@ -144,7 +144,7 @@ class ArchiveFiles:
             self._archive = zipfile.ZipFile(path)
         except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError) as error:
             raise ScanError(
-                f"{path} is no ZIP archive, or is cut off or damaged ({error}): copy or export it again."
+                f"{path} is not a ZIP archive, or is cut off or damaged ({error}): copy or export it again."
             ) from error
         entries = {
             info.filename: info for info in self._archive.infolist() if not info.filename.endswith("/")

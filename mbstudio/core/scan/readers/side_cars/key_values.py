@@ -76,7 +76,7 @@ class KeyValues:
             number is None or not 1 <= number <= _MOST_VOXELS_ALONG_AN_AXIS for number in numbers
         ):
             raise ScanError(
-                f"{self.path} gives {key} as '{' '.join(words)}', which is no number of voxels: "
+                f"{self.path} gives {key} as '{' '.join(words)}', which is not a number of voxels: "
                 "correct it, or state shape and dtype."
             )
         return tuple(number for number in numbers if number is not None)
@@ -94,7 +94,7 @@ class KeyValues:
             return None
         number = real_number(value)
         if number is None or number < 0:
-            raise ScanError(f"{self.path} gives {key} as '{value}', which is no length: correct it.")
+            raise ScanError(f"{self.path} gives {key} as '{value}', which is not a length: correct it.")
         return number or None
 
     def skipped_bytes(self, key: str, section: str = "") -> int:
@@ -104,7 +104,9 @@ class KeyValues:
             return 0
         number = whole_number(value)
         if number is None or number < 0:
-            raise ScanError(f"{self.path} gives {key} as '{value}', which is no number of bytes: correct it.")
+            raise ScanError(
+                f"{self.path} gives {key} as '{value}', which is not a number of bytes: correct it."
+            )
         return number
 
     def as_metadata(self) -> dict[str, str]:

@@ -163,7 +163,7 @@ def describe_xtek(path: Path, data: Path | None) -> RawLayout:
     """
     said = read_key_values(path)
     if "xtekct" not in {where for where, _, _ in said.entries}:
-        raise ScanError(f"{path} is no description of a reconstruction by CT Pro ([XTekCT] is missing).")
+        raise ScanError(f"{path} is not a description of a reconstruction by CT Pro ([XTekCT] is missing).")
     x, y, z = (said.count(f"Voxels{axis}", "xtekct") for axis in "XYZ")
     notes: tuple[str, ...] = ()
     if data is None:

@@ -38,7 +38,7 @@ def describe(path: Path, data: Path | None) -> RawLayout:
     said = read_key_values(path)
     if _SECTION not in {where for where, _, _ in said.entries}:
         raise ScanError(
-            f"{path} is no description of a reconstruction by datos|x ([VolumeData] is missing): "
+            f"{path} is not a description of a reconstruction by datos|x ([VolumeData] is missing): "
             "copy it again."
         )
     x, y, z = (said.count(f"Volume_Size{axis}", _SECTION) for axis in "XYZ")

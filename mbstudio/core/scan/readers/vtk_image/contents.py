@@ -56,7 +56,7 @@ class _Bytes:
             try:
                 block = binascii.a2b_base64(text, strict_mode=True)
             except binascii.Error as error:
-                raise _Damage(f"holds what is no base64 ({error})") from error
+                raise _Damage(f"holds something that is not base64 ({error})") from error
             # A group that is filled up ends what was encoded by itself; what follows begins anew.
             ends = text.endswith(b"=")
             block, self._rest = self._rest + block, b""
@@ -173,7 +173,7 @@ def _from_text(text: bytes, count: int, dtype: np.dtype[Any]) -> np.ndarray:
             warnings.simplefilter("error")
             numbers = np.fromstring(text.decode("ascii"), wide, sep=" ")
     except (ValueError, DeprecationWarning, OverflowError, RuntimeWarning) as error:
-        raise _Damage(f"holds what is no number ({error})") from error
+        raise _Damage(f"holds something that is not a number ({error})") from error
     if len(numbers) != count:
         raise _Damage(f"holds {len(numbers):,} numbers where {count:,} should be")
     if (
