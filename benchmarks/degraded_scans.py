@@ -53,17 +53,16 @@ def rows() -> Iterator[tuple[str, float | None, dict[str, Any]]]:
         yield f"rings {size:g}", None, {"rings": size}
 
 
-def score(grey: np.ndarray, truth: np.ndarray, **settings: Any) -> tuple[float, float, str]:
-    """Return IoU and F1, and the verdict; 0 where the scan is refused."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SegmentationWarning)
+def score(grey: np.ndarray, truth: np.ndarray, **settings: Any) -> tuple[float, float, bool]:
+    """Return IoU and F1, and whether something was said; 0 where the scan is refused."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SegmentationWarning)
         try:
-            grains = mb.segment(Scan(grey, SIZE), **settings)
+            labels = mb.segment(Scan(grey, SIZE), **settings).labels
         except MbstudioError:
-            return 0.0, 0.0, "refused"
-    assert grains.verdict is not None
-    scored = agreement(grains.labels, truth)
-    return scored.foreground_iou, scored.f1, grains.verdict.level
+            return 0.0, 0.0, True
+    scored = agreement(labels, truth)
+    return scored.foreground_iou, scored.f1, any(one.category is SegmentationWarning for one in caught)
 
 
 def with_error(values: list[float]) -> str:
@@ -74,7 +73,7 @@ def with_error(values: list[float]) -> str:
 def main() -> None:
     from skimage.filters import threshold_otsu
 
-    table = Table("scan", "Otsu: IoU", "F1", "found: IoU", "F1", "verdict")
+    table = Table("scan", "Otsu: IoU", "F1", "found: IoU", "F1", "told")
     for name, share, degraded in rows():
         plain, found = [], []
         for seed in SEEDS:
@@ -85,7 +84,7 @@ def main() -> None:
         columns = [
             with_error([one[place] for one in scores]) for scores in (plain, found) for place in (0, 1)
         ]
-        table.add_row(name, *columns, ", ".join(one[2] for one in found))
+        table.add_row(name, *columns, f"{sum(one[2] for one in found)} of {len(SEEDS)}")
     Console(width=140).print(table)
 
 
