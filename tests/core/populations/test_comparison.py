@@ -61,7 +61,7 @@ def test_an_avatar_is_paired_with_its_own_grain():
     grains = population(labels=[3, 5, 8], volume=[10.0, 20.0, np.nan])
     avatars = population("avatars", labels=[8, 5, 3], volume=[1.0, 19.0, 11.0])
     assert relative_errors(grains, avatars, "volume") == pytest.approx({3: 0.1, 5: -0.05})
-    with pytest.raises(MeasureError, match="twice"):
+    with pytest.raises(MeasureError, match="duplicate label"):
         relative_errors(grains, population(labels=[3, 3], volume=[1, 2]), "volume")
 
 
