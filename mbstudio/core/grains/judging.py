@@ -58,14 +58,14 @@ def judge_labels(
         interfaces = find_interfaces(grey.astype(np.float32), view.mask)
     phases = phases or find_phases(interfaces)
     voxels, boxes, _, cut = statistics(labels, view.rim_cutting(labels))
-    has_liquid = phases is not None and phases.liquid is not None
+    box = _middle_box(boxes, labels.shape)
     figures = _surfaces(grey, labels, interfaces, view.mask)
-    if phases is not None and has_liquid:
+    if phases is not None and phases.liquid is not None:
         figures.pop("edges_outside", None)  # the outer surface of a liquid is an edge with no grain at it
-        figures |= _wet_levels(grey, labels, view.mask, phases)
+        figures |= _wet_levels(grey, labels, view.mask, box, phases)
     elif figures.get("contrast_to_noise", 0.0) > 0.0:
         contrast = figures["contrast_to_noise"] * interfaces.noise
-        figures["texture_of_void"] = _void_texture(grey, labels, view.mask, interfaces.noise) / contrast
+        figures["texture_of_void"] = _void_texture(grey, labels, view.mask, box, interfaces.noise) / contrast
     figures["solidity"] = _median_solidity(labels, boxes, cut)
     if splitting_agreement is not None:
         figures["splitting_agreement"] = splitting_agreement
@@ -83,15 +83,18 @@ def _surfaces(
     interfaces: Interfaces,
     seen: Bool[np.ndarray, "Z Y X"],
 ) -> dict[str, float]:
-    """Compare grains' surfaces with the edges of the scan; nothing where none of them is seen."""
+    """Compare grains' surfaces with the edges of the scan."""
     places = _surface_voxels(labels, seen)
     if not len(places):
-        return {}
+        return {"surface_compared": 0.0}
     steps = _steps(grey, labels, places)
     if np.median(steps) < 0:
         steps = -steps
     contrast = float(np.median(steps))
-    figures = {"contrast_to_noise": contrast / max(interfaces.noise, 1e-300)}
+    figures = {
+        "surface_compared": float(len(places)),
+        "contrast_to_noise": contrast / max(interfaces.noise, 1e-300),
+    }
     owners = labels[tuple(places.T)]
     usual = np.nan_to_num(ndimage.median(steps, owners, np.arange(int(owners.max()) + 1)))
     # A grain whose own contrast is no more than noise leaves in a step is not borne out as a whole.
@@ -109,6 +112,7 @@ def _wet_levels(
     grey: Shaped[np.ndarray, "Z Y X"],
     labels: Int[np.ndarray, "Z Y X"],
     seen: Bool[np.ndarray, "Z Y X"],
+    box: tuple[slice, ...],
     phases: Phases,
 ) -> dict[str, float]:
     """Return how much of what lies between grains is void or liquid, and how many surfaces meet one tone.
@@ -116,7 +120,6 @@ def _wet_levels(
     Drifts and streaks are taken for a liquid at times: then grey values lie at all levels.
     """
     assert phases.liquid is not None
-    box = _middle_box(labels)
     between = ~ndimage.binary_dilation(labels[box] > 0)
     between &= ndimage.binary_erosion(seen[box], iterations=_BLURRED, border_value=1)
     figures = {}
@@ -134,6 +137,7 @@ def _void_texture(
     grey: Shaped[np.ndarray, "Z Y X"],
     labels: Int[np.ndarray, "Z Y X"],
     seen: Bool[np.ndarray, "Z Y X"],
+    box: tuple[slice, ...],
     noise: float,
 ) -> float:
     """Return how much the void varies from place to place, beyond noise and slow drifts; else NaN.
@@ -141,7 +145,6 @@ def _void_texture(
     It is the deviation of means over 27 voxels from the void's level around them, less what independent noise
     leaves in such means, in a box in the middle of the grains.
     """
-    box = _middle_box(labels)
     void = ~ndimage.binary_dilation(labels[box] > 0, iterations=_BLURRED)
     void &= ndimage.binary_erosion(seen[box], iterations=_BLURRED, border_value=1)
     if np.count_nonzero(void) < _FEWEST_OF_VOID:
@@ -205,7 +208,7 @@ def agreement_of_splittings(
     -----
     In large scans this looks at a box about the grain that is nearest to the middle of all.
     """
-    part = np.ascontiguousarray(landscape[_middle_box(labels)])
+    part = np.ascontiguousarray(landscape[_middle_box(statistics(labels)[1], labels.shape)])
     reference, _ = split_by_necks(part, splitting, least_depth)
     scores = []
     for other in (splitting - _OTHER_SPLITTING, splitting + _OTHER_SPLITTING):
@@ -214,12 +217,12 @@ def agreement_of_splittings(
     return min(scores)
 
 
-def _middle_box(labels: Int[np.ndarray, "Z Y X"]) -> tuple[slice, ...]:
-    _, boxes, _, _ = statistics(labels)
+def _middle_box(boxes: Int[np.ndarray, "n 6"], shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """Return a box about the grain that is nearest to the middle of all."""
     middles = 0.5 * (boxes[:, ::2] + boxes[:, 1::2])
     chosen = middles[np.square(middles - np.median(middles, axis=0)).sum(axis=1).argmin()]
     box = []
-    for middle, count in zip(chosen, labels.shape, strict=True):
+    for middle, count in zip(chosen, shape, strict=True):
         start = int(np.clip(middle - _SPLIT_EDGE / 2, 0, max(count - _SPLIT_EDGE, 0)))
         box.append(slice(start, start + _SPLIT_EDGE))
     return tuple(box)

@@ -55,7 +55,9 @@ class Criterion:
 
     def written(self, figure: float) -> str:
         """Return a figure as it is read."""
-        return f"{100 * figure:.3g} %" if self.is_share else f"{figure:.2g}"
+        if self.is_share:
+            return f"{100 * figure:.3g} %"
+        return f"{figure:,.0f}" if abs(figure) >= 100 else f"{figure:.2g}"
 
     @property
     def wanted(self) -> str:
@@ -66,6 +68,14 @@ class Criterion:
 # The limits were set by scans with known grains; benchmarks/segmentation_verdict.py tells how well they part
 # good segmentations from bad ones on other scans.
 CRITERIA: tuple[Criterion, ...] = (
+    Criterion(
+        "surface_compared",
+        mark("Surface compared with the scan, in voxels"),
+        100.0,
+        0.0,
+        True,
+        "Too little of the grains' surfaces lies in the scan to compare them with it: look at the grains.",
+    ),
     Criterion(
         "contrast_to_noise",
         mark("Contrast to noise"),

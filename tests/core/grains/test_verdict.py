@@ -118,6 +118,15 @@ def test_noise_is_told():
     assert "contrast_to_noise" in doubts(judged(scanned(truth, noise=1.6), truth))
 
 
+def test_grains_that_cannot_be_compared_are_not_green():
+    truth = packed(5)[40:47]
+    truth = np.unique(truth, return_inverse=True)[1].reshape(truth.shape)
+    verdict = judged(scanned(truth), truth)
+    assert verdict.figures["surface_compared"] == 0
+    assert verdict.doubts[0].name == "surface_compared"
+    assert verdict.level == "amber"
+
+
 def test_small_grains_are_told():
     truth = packed(5)[::4, ::4, ::4]
     truth = np.unique(truth, return_inverse=True)[1].reshape(truth.shape)
