@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import nrrd
 import numpy as np
 import pytest
 import SimpleITK as sitk
@@ -16,6 +15,7 @@ from mbstudio.core.errors import GrainWarning, SegmentationError
 from mbstudio.core.grains import load_labels
 from mbstudio.core.grains.label_writing import write_label_image
 from mbstudio.core.scan import Scan, open_scan
+from tests.core.grains.placed_files import write_nrrd
 
 
 @pytest.fixture
@@ -35,9 +35,7 @@ def grey(labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def write(path: Path, voxels: np.ndarray, steps: np.ndarray, origin: tuple[float, ...] = (0, 0, 0)) -> Path:
-    nrrd.write(str(path), voxels, {"space": "left-posterior-superior", "space directions": steps,
-               "space origin": list(origin), "space units": ["mm"] * 3}, index_order="C")  # fmt: skip
-    return path
+    return write_nrrd(path, voxels, steps, origin)
 
 
 def as_itk(path: Path, voxels: np.ndarray, origin: tuple[float, ...] = (0, 0, 0), turn: str = "") -> Path:

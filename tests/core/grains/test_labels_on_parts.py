@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import nrrd
 import numpy as np
 import pytest
 import tifffile
@@ -14,6 +13,7 @@ from mbstudio.core.grains import load_labels
 from mbstudio.core.grains.label_writing import write_label_image
 from mbstudio.core.scan import Scan, open_scan
 from mbstudio.core.scan.excerpt import read_crop
+from tests.core.grains.placed_files import write_nrrd
 
 CROP = "2:28,4:34,3:40"
 
@@ -35,9 +35,7 @@ def grey(labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def write(path: Path, voxels: np.ndarray, steps: np.ndarray, origin: tuple[float, ...] = (1, 2, 3)) -> Path:
-    nrrd.write(str(path), voxels, {"space": "left-posterior-superior", "space directions": steps,
-               "space origin": list(origin), "space units": ["mm"] * 3}, index_order="C")  # fmt: skip
-    return path
+    return write_nrrd(path, voxels, steps, origin)
 
 
 STEPS = np.diag([0.01, 0.01, 0.01])
