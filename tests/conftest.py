@@ -37,6 +37,9 @@ def _loads(library: str) -> bool:
 def _set_headless_environment() -> None:
     os.environ["MPLBACKEND"] = "Agg"
     os.environ["PYVISTA_OFF_SCREEN"] = "true"
+    # What scikit-learn sets for itself when a test first needs it.
+    os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")
+    os.environ.setdefault("KMP_INIT_AT_FORK", "FALSE")
     # Settings and recent files of the person who runs the suite stay untouched.
     home = tempfile.mkdtemp(prefix="mbstudio-tests-")
     for variable in ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME"):

@@ -295,7 +295,7 @@ class Workspace(QObject):
 
     def _labels(self) -> set[int]:
         grains = self.state.grains
-        return set() if grains is None else {int(label) for label in grains.table["label"]}
+        return set() if grains is None else set(grains.table["label"].tolist())
 
     # ---- recent files ------------------------------------------------------------------------
 

@@ -35,7 +35,7 @@ class GrainStation(Station):
         space = studio.workspace
         self.work = GrainWork(space, studio.queue, self)
         self.panel: GrainPanel = GrainPanel(space, studio.theme)
-        self.table = GrainTable()
+        self.table = GrainTable(studio.settings)
         self.display = GrainsDisplay(space, ("slices", "volume", "grains"), ("grains",), shows_slices=True)
         self.table_frame = DockFrame(
             "table",

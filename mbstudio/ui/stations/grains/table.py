@@ -2,199 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Collection, Iterator, Sequence
+from itertools import pairwise
+from typing import cast
 
 import numpy as np
 from PySide6.QtCore import (
-    QAbstractTableModel,
     QItemSelection,
     QItemSelectionModel,
+    QItemSelectionRange,
     QModelIndex,
-    QPersistentModelIndex,
-    QSortFilterProxyModel,
+    QPoint,
+    QSettings,
     Qt,
     Signal,
 )
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView
 
-from mbstudio.core.formulas import nominal_diameters
-from mbstudio.core.grains import GrainSet
-from mbstudio.core.imaging.steps import FitResult
-from mbstudio.core.units import conversion_factor, unit_label
-from mbstudio.ui.language import mark, tr
-from mbstudio.ui.widgets.factor_words import factor_short, factor_tip
-from mbstudio.ui.widgets.numbers import readable_power_unit
+from mbstudio.ui.language import tr
+from mbstudio.ui.stations.grains.table_model import COLUMNS, NAME, SHARE, VOLUME, GrainTableModel
 
-Index = QModelIndex | QPersistentModelIndex
-ROOMY, NARROW = 500, 430  # pixels that all columns need, and all but the volume
-SORT_ROLE = Qt.ItemDataRole.UserRole
-NAME = 3
-"""Column of the edge of the scan, or of the names of meshes."""
-
-COLUMNS = (
-    mark("Grain"), mark("Volume"), "Dₙ", mark("Edge"), mark("Avatar"), mark("RMS distance"), mark("Verdict"),
-)  # fmt: skip
-_TIPS = (
-    mark("Label of the grain in the label volume"),
-    mark("Volume V, by counting voxels"),
-    "",  # of D_n: as everywhere
-    mark("Whether the edge of the scan cuts the grain, so that its true shape is unknown"),
-    mark("Number of control points of its avatar"),
-    mark("Root mean square distance between the surfaces of grain and avatar"),
-    mark("Whether the avatar is one piece without voids that keeps the volume within 5 %"),
-)
-
-
-class GrainTableModel(QAbstractTableModel):
-    """The pandas table of a grain set and the fits, as Qt wants them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._unit = self._volume_unit = "um"
-        self._columns: dict[str, np.ndarray] = {}
-        self._names: list[str] = []
-        self._files: list[str] = []
-        self._labels = np.zeros(0, dtype=int)
-        self._fits: Mapping[int, FitResult] = {}
-
-    # ---- content -------------------------------------------------------------------------------
-
-    def set_grains(self, grains: GrainSet | None) -> None:
-        """Show another set of grains."""
-        self.beginResetModel()
-        self._names, self._files = [], []
-        if grains is None:
-            self._labels, self._columns = np.zeros(0, dtype=int), {}
-        else:
-            table = grains.table
-            volume = table["volume"].to_numpy(float)
-            self._unit = grains.unit
-            self._volume_unit = readable_power_unit(
-                float(np.median(volume)) if len(volume) else 1.0, grains.unit, 3
-            )
-            self._labels = table["label"].to_numpy(int)
-            self._columns = {
-                "volume": volume * conversion_factor(self._unit, self._volume_unit) ** 3,
-                "dn": nominal_diameters(volume),
-                "border": table["touches_border"].to_numpy(bool),
-            }
-            if grains.is_of_meshes:
-                self._names = [str(name) for name in table["name"]]
-                self._files = [str(file) for file in table["file"]] if "file" in table else []
-        self.endResetModel()
-
-    def set_fits(self, fits: Mapping[int, FitResult]) -> None:
-        """Show other fits of the same grains."""
-        self._fits = fits
-        if len(self._labels):
-            self.dataChanged.emit(self.index(0, 4), self.index(len(self._labels) - 1, len(COLUMNS) - 1))
-
-    @property
-    def has_names(self) -> bool:
-        """Whether the grains are called by the files of their meshes; an edge cuts none of them."""
-        return bool(self._names)
-
-    def label(self, row: int) -> int:
-        """Return the label of the grain in a row."""
-        return int(self._labels[row])
-
-    def row(self, label: int) -> int | None:
-        """Return the row of a label, or None."""
-        rows = np.flatnonzero(self._labels == label)
-        return int(rows[0]) if len(rows) else None
-
-    # ---- Qt's questions --------------------------------------------------------------------------
-
-    def rowCount(self, parent: Index | None = None) -> int:
-        return 0 if parent is not None and parent.isValid() else len(self._labels)
-
-    def columnCount(self, parent: Index | None = None) -> int:
-        return 0 if parent is not None and parent.isValid() else len(COLUMNS)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
-        if orientation != Qt.Orientation.Horizontal:
-            return None
-        if role == Qt.ItemDataRole.DisplayRole:
-            unit = unit_label(self._unit)
-            heads = {
-                1: factor_short("volume", self._volume_unit),
-                2: factor_short("dn", self._unit),
-                5: tr("RMS [{unit}]", unit=unit),
-            }
-            if self._names:
-                heads[NAME] = tr("Mesh")
-            return heads.get(section, tr(COLUMNS[section]))
-        if role == Qt.ItemDataRole.ToolTipRole:
-            if section == NAME and self._names:
-                return tr("File that the grain came from; with a number where it holds several")
-            if section == 1 and self._names:
-                return tr("Volume V of the mesh")
-            return tr(_TIPS[section]) if _TIPS[section] else factor_tip("dn")
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            return self._alignment(section)
-        return None
-
-    def data(self, index: Index, role: int = 0) -> Any:
-        if not index.isValid():
-            return None
-        row, column = index.row(), index.column()
-        if role == Qt.ItemDataRole.DisplayRole:
-            return self._text(row, column)
-        if role == SORT_ROLE:
-            return self._value(row, column)
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            return self._alignment(column)
-        if role == Qt.ItemDataRole.ToolTipRole and column == NAME and self._files:
-            return self._files[row]
-        if role == Qt.ItemDataRole.ToolTipRole and column == 6:
-            fit = self._fits.get(self.label(row))
-            told = (*fit.verdict.reasons, *fit.verdict.warnings) if fit else ()
-            return "\n".join(told) or None
-        return None
-
-    @staticmethod
-    def _alignment(column: int) -> Qt.AlignmentFlag:
-        side = Qt.AlignmentFlag.AlignLeft if column in (NAME, 6) else Qt.AlignmentFlag.AlignRight
-        return side | Qt.AlignmentFlag.AlignVCenter
-
-    def _value(self, row: int, column: int) -> float | str:
-        fit = self._fits.get(self.label(row))
-        if column == 0:
-            return self.label(row)
-        if column == NAME and self._names:
-            return self._names[row]
-        if column in (1, 2, 3):
-            return float(self._columns[("volume", "dn", "border")[column - 1]][row])
-        if fit is None:
-            return float("inf") if column == 5 else -1.0
-        return (float(fit.avatar.n), fit.verdict.rms, float(fit.verdict.valid))[column - 4]
-
-    def _text(self, row: int, column: int) -> str:
-        fit = self._fits.get(self.label(row))
-        if column == 0:
-            return str(self.label(row))
-        if column == 1:
-            volume = float(self._columns["volume"][row])
-            return f"{volume:,.0f}" if 1000 <= volume < 1e6 else f"{volume:#.3g}"
-        if column == 2:
-            return f"{self._columns['dn'][row]:.1f}"
-        if column == NAME:
-            if self._names:
-                return self._names[row]
-            return tr("cut") if self._columns["border"][row] else tr("inside")
-        if fit is None:
-            return "–"
-        return (
-            f"n = {fit.avatar.n}",
-            f"{fit.verdict.rms:#.3g}",
-            tr("valid") if fit.verdict.valid else tr("not valid"),
-        )[column - 4]
+ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430))
+"""Columns that go first when the table is narrow, and the pixels that it needs to show each."""
+_HIDDEN = "table/hidden"
 
 
 class GrainTable(QTableView):
     """The table with sorting; tells the labels of the rows that are chosen.
+
+    The person chooses the columns from the menu of the heading. Until then, columns that say least go where
+    there is no room for them.
+
+    Parameters
+    ----------
+    settings : QSettings, optional
+        Keeps the choice of columns.
 
     Attributes
     ----------
@@ -204,16 +47,14 @@ class GrainTable(QTableView):
 
     chosen = Signal(object, object)
 
-    def __init__(self) -> None:
+    def __init__(self, settings: QSettings | None = None) -> None:
         super().__init__()
+        self._settings = settings
+        self._quiet = False
+        self._kept: tuple[list[int], int | None] = ([], None)
         self.content = GrainTableModel()
-        self._sorted = QSortFilterProxyModel(self)
-        self._sorted.setSourceModel(self.content)
-        self._sorted.setSortRole(SORT_ROLE)
-        self.setModel(self._sorted)
+        self.setModel(self.content)
         self.setAccessibleName(tr("Grains"))
-        self.setSortingEnabled(True)
-        self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
         self.setAlternatingRowColors(True)
@@ -224,48 +65,123 @@ class GrainTable(QTableView):
         self.setTextElideMode(Qt.TextElideMode.ElideMiddle)  # numbers of files stand at their ends
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(27)
+        self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
+        # Of its own, and empty: Qt would ask each cell of each column whether it is chosen.
+        header.setSelectionModel(QItemSelectionModel(self.content, header))
         header.setMinimumSectionSize(52)
         header.setMaximumSectionSize(240)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        header.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        header.customContextMenuRequested.connect(self._offer_columns)
         self.selectionModel().selectionChanged.connect(self._rows_chosen)
         self.selectionModel().currentRowChanged.connect(self._rows_chosen)
-        self._quiet = False
         self.content.modelReset.connect(self._arrange_columns)
+        self.content.sorting.connect(self._keep_choice)
+        self.content.sorted.connect(lambda: self._choose_rows(*self._kept))
+        self.setSortingEnabled(True)
+        self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
+
+    # ---- the selection -------------------------------------------------------------------------
 
     def select_labels(self, labels: Collection[int], current: int | None) -> None:
         """Choose the rows of labels, and put the cursor on one, without telling it."""
-        if set(labels) == set(self.chosen_labels()) and current == self._current():
-            return
-        flags = QItemSelectionModel.SelectionFlag
-        rows = QItemSelection()
-        for label in labels:
-            row = self.content.row(label)
-            if row is not None:
-                index = self._sorted.mapFromSource(self.content.index(row, 0))
-                rows.select(index, index)
+        if current != self._current() or set(labels) != set(self.chosen_labels()):
+            self._choose_rows(labels, current)
+
+    def _choose_rows(self, labels: Collection[int], current: int | None) -> None:
+        model, flags = self.selectionModel(), QItemSelectionModel.SelectionFlag
+        rows, last = QItemSelection(), len(COLUMNS) - 1
+        place_of = self.content.createIndex  # rows that exist need not be asked for
+        for first, end in _runs(self.content.rows(labels)):
+            rows.append(QItemSelectionRange(place_of(first, 0), place_of(end, last)))
+        place = None if current is None else self.content.row(current)
+        index = QModelIndex() if place is None else self.content.index(place, 0)
         self._quiet = True
         try:
-            place = None if current is None else self.content.row(current)
-            index = (
-                QModelIndex() if place is None else self._sorted.mapFromSource(self.content.index(place, 0))
-            )
-            self.selectionModel().setCurrentIndex(index, flags.NoUpdate)
-            self.selectionModel().select(rows, flags.ClearAndSelect | flags.Rows)
+            # In silence, and emptied first: Qt compares each range that goes with each that comes.
+            model.blockSignals(True)
+            model.reset()
+            model.select(rows, flags.Select)
+            model.blockSignals(False)
+            model.setCurrentIndex(index, flags.NoUpdate)
             if index.isValid():
                 self.scrollTo(index)
         finally:
             self._quiet = False
+        self.viewport().update()
 
     def chosen_labels(self) -> list[int]:
         """Return the labels of the chosen rows."""
-        rows = self.selectionModel().selectedRows()
-        return [self.content.label(self._sorted.mapToSource(index).row()) for index in rows]
+        # Qt's list is a sequence, which its annotations do not say.
+        ranges = cast("Sequence[QItemSelectionRange]", self.selectionModel().selection())
+        steps = np.zeros(self.content.rowCount() + 1, int)
+        np.add.at(steps, [part.top() for part in ranges], 1)
+        np.add.at(steps, [part.bottom() + 1 for part in ranges], -1)
+        return self.content.labels(np.flatnonzero(steps.cumsum())).tolist()
+
+    def labels_in_order(self) -> list[int]:
+        """Return the labels as they stand in the table."""
+        return self.content.labels(slice(None)).tolist()
 
     def _current(self) -> int | None:
         index = self.currentIndex()
-        return self.content.label(self._sorted.mapToSource(index).row()) if index.isValid() else None
+        return self.content.label(index.row()) if index.isValid() else None
+
+    def _keep_choice(self) -> None:
+        """Let go of the selection while rows change their places: Qt would follow each cell of it."""
+        self._kept = self.chosen_labels(), self._current()
+        model = self.selectionModel()
+        model.blockSignals(True)
+        model.reset()
+        model.blockSignals(False)
+
+    def _rows_chosen(self, *_: object) -> None:
+        if not self._quiet:
+            self.chosen.emit(self.chosen_labels(), self._current())
+
+    # ---- the columns ---------------------------------------------------------------------------
+
+    @property
+    def hidden_columns(self) -> set[str] | None:
+        """Names of the columns that the person does not want to see; None before there was a choice."""
+        given = self._settings.value(_HIDDEN) if self._settings is not None else None
+        return None if given is None else set(str(given).split(",")) - {""}
+
+    def choose_columns(self, hidden: Collection[str] | None) -> None:
+        """Hide these columns from now on; None lets the table's width decide."""
+        if self._settings is not None:
+            if hidden is None:
+                self._settings.remove(_HIDDEN)
+            else:
+                self._settings.setValue(_HIDDEN, ",".join(sorted(hidden)))
+        self._arrange_columns()
+
+    def column_menu(self) -> QMenu:
+        """Return the menu that chooses the columns; the labels of the grains always stay."""
+        menu = QMenu(self)
+        for place, column in enumerate(COLUMNS[1:], 1):
+            words = self.content.headerData(place, Qt.Orientation.Horizontal, Qt.ItemDataRole.DisplayRole)
+            action = menu.addAction(words)
+            action.setCheckable(True)
+            action.setChecked(not self.isColumnHidden(place))
+            action.triggered.connect(lambda shown, name=column.name: self._show_column(name, shown))
+        menu.addSeparator()
+        action = menu.addAction(tr("By the width of the table"))
+        action.setCheckable(True)
+        action.setChecked(self.hidden_columns is None)
+        action.triggered.connect(lambda _: self.choose_columns(None))
+        return menu
+
+    def _show_column(self, name: str, shown: bool) -> None:
+        hidden = {column.name for place, column in enumerate(COLUMNS) if self.isColumnHidden(place)}
+        self.choose_columns(hidden - {name} if shown else hidden | {name})
+
+    def _offer_columns(self, place: QPoint) -> None:
+        menu = self.column_menu()
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        menu.popup(self.horizontalHeader().mapToGlobal(place))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._arrange_columns()
@@ -274,8 +190,11 @@ class GrainTable(QTableView):
     def _arrange_columns(self) -> None:
         # Beside plots not every column has room: the nominal diameter tells the volume as well, a grain that
         # the edge cuts has no avatar, and the panel at station Fit names the mesh.
-        self.setColumnHidden(1, self.width() < ROOMY)
-        self.setColumnHidden(NAME, self.width() < NARROW)
+        hidden = self.hidden_columns
+        if hidden is None:
+            hidden = {COLUMNS[place].name for place, needed in ROOM if self.width() < needed}
+        for place, column in enumerate(COLUMNS):
+            self.setColumnHidden(place, column.name in hidden)
         # A name stands beside the number.
         header = self.horizontalHeader()
         named = self.content.has_names
@@ -283,13 +202,10 @@ class GrainTable(QTableView):
         mode = QHeaderView.ResizeMode
         header.setSectionResizeMode(NAME, mode.ResizeToContents if named else mode.Stretch)
 
-    def labels_in_order(self) -> list[int]:
-        """Return the labels as they stand in the table."""
-        return [
-            self.content.label(self._sorted.mapToSource(self._sorted.index(row, 0)).row())
-            for row in range(self._sorted.rowCount())
-        ]
 
-    def _rows_chosen(self, *_: object) -> None:
-        if not self._quiet:
-            self.chosen.emit(self.chosen_labels(), self._current())
+def _runs(rows: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Yield first and last of each run of rows that follow each other; `rows` are sorted."""
+    if len(rows):
+        ends = [0, *(np.flatnonzero(np.diff(rows) > 1) + 1).tolist(), len(rows)]
+        for begin, end in pairwise(ends):
+            yield int(rows[begin]), int(rows[end - 1])

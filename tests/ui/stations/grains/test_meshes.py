@@ -13,7 +13,7 @@ from mbstudio.ui.shell.dialogs import leave_card
 from mbstudio.ui.stations.grains.mesh_dialog import MeshDialog, likely_unit
 from mbstudio.ui.stations.grains.mesh_link import sort_out
 from mbstudio.ui.stations.grains.mesh_summary import MeshSummary
-from mbstudio.ui.stations.grains.table import NAME
+from mbstudio.ui.stations.grains.table_model import NAME
 from tests.ui.test_bad_input import drop
 
 SIZES = {"a_box": (2.0, 1.6, 1.2), "b_ball": (1.8, 1.8, 1.8), "c_egg": (2.4, 1.5, 1.3)}
