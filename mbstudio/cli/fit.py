@@ -15,6 +15,7 @@ from mbstudio.cli import console, inputs
 from mbstudio.core.errors import FitError, MbstudioError
 
 if TYPE_CHECKING:
+    from mbstudio.cli.going_on import FinishedFits
     from mbstudio.core.grains import GrainSet
     from mbstudio.core.imaging import FitResult
     from mbstudio.core.project import FitSettings, Project
@@ -37,8 +38,9 @@ def _tell_options(wanted: bool) -> None:
 
 HELP = """Fit avatars to all grains that the border does not cut, and save the project.
 
-If the project or scan has no grains yet, they are found first. When interrupted, the command
-saves the finished avatars; the same command then continues with the rest.
+If the project or scan has no grains yet, they are found first, and saved. Each avatar is written to a
+journal beside the project as soon as it is finished. So whatever ends the command, the same command then
+continues with the rest; --refit begins anew.
 """
 
 SourcesArgument = Annotated[
@@ -134,6 +136,7 @@ def fit(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio fit``; `HELP` says what it does."""
+    from mbstudio.cli.going_on import FinishedFits, go_on_from, was_found_so
     from mbstudio.core.imaging.goals.fit_goal import FitGoal
     from mbstudio.core.imaging.options import read_options
     from mbstudio.core.project import FitSettings, Project
@@ -144,7 +147,7 @@ def fit(
     meshes = inputs.meshes_among(sources)
     source = sources[0]
     inputs.require_scan_to_crop(source, crop, binning)
-    output = _choose_output(meshes or sources, output)
+    is_named, output = output is not None, _choose_output(meshes or sources, output)
     settings = inputs.segmentation_options(splitting, smallest, threshold, dark)
     if meshes is not None:
         inputs.refuse_for_meshes(settings, voxel_size=voxel_size, shape=shape, labels=labels, scan=scan)
@@ -159,23 +162,33 @@ def fit(
             source, voxel_size, shape, dtype, header_bytes, big_endian, crop, binning
         )
         project = Project.new(opened, embed_scan=embed_scan)
+    project = go_on_from(output, project, labels, settings, named=is_named)
     with project:
         project.hold("mbstudio fit", output)
-        if project.grains is None or labels is not None or settings:
+        if not was_found_so(project, labels, settings):
             inputs.find_grains(project, labels, settings, anyway)
         assert project.grains is not None
         wanted = FitSettings(n, method, seed, options, aims)  # type: ignore[arg-type]
         project.change("Fit settings", fit_settings=wanted)
-
-        chosen = choose_labels(project, inputs.numbers_in(grains, "--grains"), limit, refit)
-        outcome = fit_into(project, chosen, workers)
+        asked = inputs.numbers_in(grains, "--grains")
+        chosen = choose_labels(project, asked, limit, refit)
+        _tell_done(len(choose_labels(project, asked, None, True)), chosen, limit)
+        embed = True if embed_scan else None
+        outcome = fit_into(project, chosen, workers, FinishedFits(project, output, embed))
         if outcome.fits or not chosen or not output.exists():  # a file of avatars must not give way to none
-            inputs.save_results(project, output, True if embed_scan else None)
+            inputs.save_results(project, output, embed)
 
     summary = summarise(project.grains, outcome.fits, outcome.failures, time.monotonic() - begun)
     summary["project"] = str(output) if output.exists() else None
     _tell_outcome(inputs.title_of(sources), summary, project.grains, outcome, as_json)
     _end_as(outcome, chosen, inputs.title_of(sources), output)
+
+
+def _tell_done(asked: int, chosen: list[int], limit: int | None) -> None:
+    """Say what was done before, if something was."""
+    done = asked - len(chosen)
+    if done and limit is None:
+        console.tell(f"mbstudio: {done} of {asked} grains were fitted before; {len(chosen)} to go.")
 
 
 def _end_as(outcome: Outcome, chosen: list[int], title: str, output: Path) -> None:
@@ -247,8 +260,6 @@ def _choose_output(sources: Sequence[Path], output: Path | None) -> Path:
     if inputs.is_project(source):
         return source
     output = Path(source.name).with_suffix(inputs.PROJECT_ENDING)
-    if output.exists():
-        raise MbstudioError(f"{output} already exists: choose another file for the project with -o.")
     return inputs.require_project_output(output)
 
 
@@ -285,8 +296,13 @@ def _is_as_asked(done: FitResult, label: int, settings: FitSettings) -> bool:
     return same and dict(done.options) == dict(settings.options)
 
 
-def fit_into(project: Project, labels: list[int], workers: int | None = None) -> Outcome:
-    """Fit grains and add their avatars to the project, also when interrupted."""
+def fit_into(
+    project: Project, labels: list[int], workers: int | None = None, finished: FinishedFits | None = None
+) -> Outcome:
+    """Fit grains and add their avatars to the project, also when interrupted.
+
+    Each avatar goes to what is `finished` at once.
+    """
     from mbstudio.core.batch.many_fits import fit_many
 
     outcome = Outcome()
@@ -296,11 +312,15 @@ def fit_into(project: Project, labels: list[int], workers: int | None = None) ->
         project.grains, labels, n=settings.n, method=settings.method, seed=settings.seed, workers=workers,
         options=settings.options, target=settings.target,
     )  # fmt: skip
+    if finished is not None and labels:
+        finished.begin()
     with console.progress("Fitting") as report, terminate_as_interrupt():
         try:
             for done, item in enumerate(items, start=1):
                 if item.result is not None:
                     outcome.fits[item.label] = item.result
+                    if finished is not None:
+                        finished.keep(item.label, item.result)
                 else:
                     outcome.failures[item.label] = item.error or "The reason is unknown."
                 report(done / len(labels), f"{done} of {len(labels)} grains")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import trimesh
 
     from mbstudio.core.grains import GrainSet
+    from mbstudio.core.grains.segmentation import SegmentationSettings
     from mbstudio.core.meshes.bodies import Cavities
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan
@@ -242,7 +243,8 @@ def find_grains(
 ) -> GrainSet:
     """Segment the project's scan, or load a label image made elsewhere, into the project.
 
-    A scan that the memory is too small for is refused, unless it is to be tried anyway.
+    A scan that the memory is too small for is refused, unless it is to be tried anyway. Grains that the
+    project has already keep their avatars.
     """
     from mbstudio.core.grains import load_labels, segment
     from mbstudio.core.grains.segmentation import SegmentationSettings
@@ -254,16 +256,28 @@ def find_grains(
         )
     if labels is not None:
         grains = load_labels(labels, scan, splitting=settings.get("splitting"))
-        project.change("Load labels", grains=grains, segmentation=None, fits={})
-        _tell_doubts(grains)
+        _use_grains(project, "Load labels", grains, None)
         return grains
     chosen = SegmentationSettings(**settings)
     _tell_memory(scan, anyway)
     with console.progress("Finding grains") as report:
         grains = segment(scan, chosen, progress=report)
-    project.change("Find grains", grains=grains, segmentation=chosen, fits={})
-    _tell_doubts(grains)
+    _use_grains(project, "Find grains", grains, chosen)
     return grains
+
+
+def _use_grains(
+    project: Project, title: str, grains: GrainSet, settings: SegmentationSettings | None
+) -> None:
+    """Bring grains into a project; if they are those that it has, its avatars stay."""
+    from mbstudio.core.project.fit_journal import grains_digest
+
+    before = project.grains
+    if before is not None and project.fits and grains_digest(before) == grains_digest(grains):
+        project.change(title, segmentation=settings)
+    else:
+        project.change(title, grains=grains, segmentation=settings, fits={})
+    _tell_doubts(grains)
 
 
 def _tell_doubts(grains: GrainSet) -> None:

@@ -114,5 +114,9 @@ class ProjectChangedError(ProjectError):
     """A project file that is no longer what was opened: saving would lose what others have written."""
 
 
+class JournalError(ProjectError):
+    """A journal of finished grains that cannot be read or written."""
+
+
 class ProjectWarning(UserWarning):
     """A project could be opened, but the user should know something about its file."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import secrets
@@ -48,8 +49,7 @@ def replacing(path: Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    if os.name != "nt":  # Windows has no handle on a folder to flush
-        flush_to_disk(target.parent)
+    flush_folder(target.parent)
 
 
 def name_beside(path: Path) -> Path:
@@ -119,8 +119,20 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-    if os.name != "nt":  # as above
-        flush_to_disk(target.parent)
+    flush_folder(target.parent)
+
+
+def flush_folder(folder: Path) -> None:
+    """Wait until it lies on the disk which files a folder holds."""
+    if os.name != "nt":  # Windows has no handle on a folder to flush
+        flush_to_disk(folder)
+
+
+def free_name(path: Path) -> Path:
+    """Return a name beside `path` that nothing has: the same with the first free number behind it."""
+    return next(
+        place for number in itertools.count(1) if not os.path.lexists(place := Path(f"{path}.{number}"))
+    )
 
 
 def flush_to_disk(path: Path) -> None:

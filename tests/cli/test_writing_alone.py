@@ -48,9 +48,9 @@ def test_a_file_that_others_wrote_meanwhile_stays_and_the_work_is_saved_beside_i
 
     def and_others_write(project, *more):
         outcome = work(project, *more)
-        theirs = Project.open(path)
+        theirs = Project.open(path, journal=False)
         theirs.change("Settings", fit_settings=FitSettings(n=77))
-        monkeypatch.setattr(theirs, "_lock", project._lock)  # a program that knows no locks
+        monkeypatch.setattr(theirs, "_lock", project._lock)  # a program that knows neither locks nor journals
         theirs.save()
         monkeypatch.setattr(theirs, "_lock", None)
         return outcome

@@ -26,7 +26,7 @@ import io
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -73,7 +73,12 @@ _WITHOUT_MESHES, _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 4, 3, 2, 1
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
 
-def write_project(path: Path, state: ProjectState, voxels: VoxelArray | None = None) -> None:
+def write_project(
+    path: Path,
+    state: ProjectState,
+    voxels: VoxelArray | None = None,
+    announce: Callable[[str], object] | None = None,
+) -> None:
     """Write a project file in place of `path`; if that fails, `path` stays as it was.
 
     Parameters
@@ -82,6 +87,8 @@ def write_project(path: Path, state: ProjectState, voxels: VoxelArray | None = N
     state : ProjectState
     voxels : VoxelArray, shape (Z, Y, X), optional
         The scan's voxels; needed (and written) where ``state.scan.embedded``.
+    announce : callable, optional
+        Gets what will tell the file from all others (see `sealed_file.identify`) before it is written.
 
     Raises
     ------
@@ -98,6 +105,10 @@ def write_project(path: Path, state: ProjectState, voxels: VoxelArray | None = N
     with h5py.File(image, "w", userblock_size=HEADER_BYTES) as file:
         _write_state(file, path, state, voxels)
     seal_image(image.getbuffer(), mark_of)
+    seal = read_seal(bytes(image.getbuffer()[:HEADER_BYTES]))
+    assert seal is not None
+    if announce is not None:
+        announce(seal.header)
     try:
         with replacing(path) as temporary, temporary.open("wb") as stream:
             stream.write(image.getbuffer())

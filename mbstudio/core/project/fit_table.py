@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from itertools import pairwise
@@ -53,6 +54,14 @@ _LATER: dict[str, Any] = {
     "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "warnings": "", "options": "{}", "target": "",
     "reached": "{}",
 }  # fmt: skip
+# The arrays of a fit, in their order where they lie one behind the other.
+_ARRAYS: dict[str, Callable[[FitResult], np.ndarray]] = {
+    "centers": lambda fit: fit.avatar.centers,
+    "weights": lambda fit: fit.avatar.weights,
+    "history": lambda fit: fit.history,
+    "rms_history": lambda fit: fit.rms_history,
+}
+_CELLS = struct.Struct("<I")
 _KINDS = {"i8": "iu", "?": "b", "f8": "f"}
 _LEAST = {
     "n": 1,
@@ -70,10 +79,65 @@ def write_fits(group: h5py.Group, fits: Mapping[int, FitResult]) -> None:
     group["label"] = np.array(list(fits), dtype="i8")
     for name, dtype, take in _COLUMNS:
         group.create_dataset(name, data=[take(fit) for fit in results], shape=(len(results),), dtype=dtype)
-    _write_ragged(group, "centers", [fit.avatar.centers for fit in results], (3,))
-    _write_ragged(group, "weights", [fit.avatar.weights for fit in results])
-    _write_ragged(group, "history", [fit.history for fit in results])
-    _write_ragged(group, "rms_history", [fit.rms_history for fit in results])
+    for name, take in _ARRAYS.items():
+        tail = (3,) if name == "centers" else ()
+        _write_ragged(group, name, [take(fit) for fit in results], tail)
+
+
+def pack_fit(label: int, fit: FitResult) -> bytes:
+    """Return a fit as one run of bytes: the length of its cells, these as JSON, and its arrays."""
+    arrays = {name: np.ascontiguousarray(take(fit), dtype="<f8") for name, take in _ARRAYS.items()}
+    cells = {"label": int(label), **{name: _kind(dtype)(take(fit)) for name, dtype, take in _COLUMNS}}
+    lengths = {name: len(array) for name, array in arrays.items()}
+    told = json.dumps({"cells": cells, "lengths": lengths}).encode("ascii")
+    return _CELLS.pack(len(told)) + told + b"".join(array.tobytes() for array in arrays.values())
+
+
+def unpack_fit(packed: bytes) -> tuple[int, FitResult]:
+    """Return label and fit of what :func:`pack_fit` made; everything is checked as in a project.
+
+    Raises
+    ------
+    ContentError
+        If it is something else, or no fit can be so.
+    AvatarError, UnitError
+        If control points or weights make no avatar.
+    """
+    size = _CELLS.unpack_from(packed)[0] if len(packed) >= _CELLS.size else -1
+    if not 0 <= size <= len(packed) - _CELLS.size:
+        raise ContentError("a fit has no cells")
+    told = json_entries(packed[_CELLS.size : _CELLS.size + size].decode("utf-8", "replace"), "a fit")
+    cells, lengths = told.get("cells"), told.get("lengths")
+    if not isinstance(cells, dict) or not isinstance(lengths, dict) or type(cells.get("label")) is not int:
+        raise ContentError("a fit has no cells, lengths or label")
+    found = {name: _one_cell(cells, name, dtype) for name, dtype, _ in (("label", "i8", None), *_COLUMNS)}
+    place = _CELLS.size + size
+    for name in _ARRAYS:
+        length = lengths.get(name)
+        numbers = length * (3 if name == "centers" else 1) if type(length) is int else -1
+        if not 0 <= numbers <= (len(packed) - place) // 8:
+            raise ContentError(f"a fit has no {name}")
+        array = np.frombuffer(packed, "<f8", numbers, place).astype("f8")
+        found[name] = array.reshape(-1, 3) if name == "centers" else array
+        found[f"{name}_offsets"] = np.array([0, length])
+        place += 8 * numbers
+    if place != len(packed):
+        raise ContentError("a fit is followed by bytes that are none of it")
+    ((label, fit),) = read_fits(Stored({"": {}}, found, {})).items()
+    return label, fit
+
+
+def _kind(dtype: Any) -> type:
+    """Return what the cells of a column are in Python."""
+    return str if dtype is _TEXT else {"i8": int, "?": bool, "f8": float}[dtype]
+
+
+def _one_cell(cells: Mapping[str, Any], name: str, dtype: Any) -> np.ndarray:
+    """Return a cell as a column of one row."""
+    value = cells.get(name)
+    if type(value) is not _kind(dtype) or (type(value) is int and not -(2**63) <= value < 2**63):
+        raise ContentError(f"{name} of a fit is missing or of another kind ({value!r:.80})")
+    return np.array([value], dtype=object if dtype is _TEXT else dtype)
 
 
 def read_fits(stored: Stored) -> dict[int, FitResult]:
@@ -93,7 +157,7 @@ def read_fits(stored: Stored) -> dict[int, FitResult]:
     _check_columns(table)
     ragged = {
         name: _read_ragged(stored, name, len(labels), axes)
-        for name, axes in (("centers", 2), ("weights", 1), ("history", 1), ("rms_history", 1))
+        for name, axes in zip(_ARRAYS, (2, 1, 1, 1), strict=True)
     }
     rows = {
         label: {name: _plain(values[row]) for name, values in table.items()}

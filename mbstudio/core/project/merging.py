@@ -69,8 +69,8 @@ def merge_states(base: ProjectState | None, ours: ProjectState, theirs: ProjectS
     in_both = [
         label
         for label in changed.keys() & theirs.fits.keys()
-        if not _same_fit(theirs.fits[label], begun.fits.get(label))
-        and not _same_fit(theirs.fits[label], changed[label])
+        if not same_fit(theirs.fits[label], begun.fits.get(label))
+        and not same_fit(theirs.fits[label], changed[label])
     ]
     kept, kept_added = _merged_kept(begun.kept, ours.kept, theirs.kept)
     styled = _styled(begun, ours, theirs)
@@ -99,7 +99,8 @@ def _same_grains(ours: GrainSet | None, theirs: GrainSet | None) -> bool:
     return place and np.array_equal(ours.labels, theirs.labels)
 
 
-def _same_fit(one: FitResult, other: FitResult | None) -> bool:
+def same_fit(one: FitResult, other: FitResult | None) -> bool:
+    """Return whether two fits are of one avatar."""
     return (
         other is not None
         and np.array_equal(one.avatar.centers, other.avatar.centers)

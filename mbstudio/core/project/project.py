@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,14 +12,25 @@ from typing import Any
 
 from psygnal import Signal
 
-from mbstudio.core.errors import ProjectChangedError, ProjectError
+from mbstudio.core.errors import JournalError, ProjectChangedError, ProjectError, ProjectWarning
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
+from mbstudio.core.project.fit_journal import (
+    Entry,
+    FitJournal,
+    Origin,
+    find_fits,
+    grains_digest,
+    journal_path,
+    remove_durably,
+    set_aside,
+)
 from mbstudio.core.project.history import History
 from mbstudio.core.project.lock import ProjectLock
 from mbstudio.core.project.merging import Merge, merge_states
+from mbstudio.core.project.recovery import Recovery, recover
 from mbstudio.core.project.scan_reference import refer_to, reopen
 from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
@@ -55,6 +67,8 @@ class Project:
         self._opened_as: str | None = None
         self._lock: ProjectLock | None = None
         self._program = ""
+        self._journals: list[tuple[GrainSet, FitJournal]] = []
+        self._recovery: Recovery | None = None
         self._open_scans: dict[ScanIdentity, Scan] = {}
 
     @classmethod
@@ -69,8 +83,17 @@ class Project:
         return project
 
     @classmethod
-    def open(cls, path: str | Path) -> Project:
+    def open(cls, path: str | Path, *, journal: bool = True) -> Project:
         """Open a project file. The scan itself is opened when :attr:`scan` is first asked for.
+
+        Avatars that another program had finished and not saved when it ended come in from the journal beside
+        the file, as a change that is not saved yet; a warning (:class:`ProjectWarning`) says so.
+
+        Parameters
+        ----------
+        path : str or Path
+        journal : bool
+            Whether to look for a journal.
 
         Raises
         ------
@@ -81,6 +104,8 @@ class Project:
         found = identify(Path(path))
         project = cls(read_project(Path(path)), path)
         project._opened_as = found
+        if journal:
+            project._take_from_journal()
         return project
 
     @classmethod
@@ -212,7 +237,170 @@ class Project:
 
     def add_fits(self, fits: Mapping[int, FitResult], title: str = "Fit avatars") -> ProjectState:
         """Add (or replace) fits by label."""
-        return self._push(self.state.with_fits(fits), title)
+        journal = self._journal_of(self.state.grains)
+        if journal is not None:
+            for label, fit in fits.items():
+                journal.keep(label, fit)
+        state = self._push(self.state.with_fits(fits), title)
+        if journal is not None:
+            journal.enter(fits)
+        return state
+
+    # ---- the journal ---------------------------------------------------------------------------
+
+    @property
+    def brought_back(self) -> Mapping[int, FitResult]:
+        """Avatars that came in from a journal when the project was opened, by label."""
+        return {} if self._recovery is None else self._recovery.fits
+
+    def begin_journal(self, place: Path | None = None) -> bool:
+        """Write avatars to a journal from now on, as they are finished, until the project is saved.
+
+        The journal lies beside the project's file, if this project holds it (:meth:`hold`) and the file has
+        the grains that there are now.
+
+        Parameters
+        ----------
+        place : Path, optional
+            Where it lies otherwise.
+
+        Returns
+        -------
+        bool
+            Whether there is a journal now.
+
+        Raises
+        ------
+        ProjectError
+            If it cannot be written.
+        """
+        grains = self.state.grains
+        if grains is None or self._journal_of(grains) is not None:
+            return grains is not None
+        origin = Origin("", "")
+        if self._has_file_with(grains):
+            assert self.path is not None
+            place, origin = journal_path(self.path), Origin(identify(self.path) or "", "")
+        if place is None:
+            return False
+        origin = replace(origin, grains=grains_digest(grains))
+        try:
+            taken = self._take_from_journal(origin) if origin.file else {}
+            for other in [entry for entry in self._journals if entry[1].path == place]:
+                other[1].discard()
+                self._journals.remove(other)
+            self._journals.append((grains, FitJournal(place, origin, taken)))
+        except OSError as error:
+            raise JournalError(f"{place} cannot be written ({error.strerror or error}).") from error
+        return True
+
+    def keep_finished(self, fits: Mapping[int, FitResult], grains: GrainSet | None = None) -> str:
+        """Write avatars to the journal before :meth:`add_fits` brings them in; also from another thread.
+
+        Parameters
+        ----------
+        fits : mapping of int to FitResult
+        grains : GrainSet, optional
+            What they were fitted to; by default the grains that there are now.
+
+        Returns
+        -------
+        str
+            What keeps them from the disk, if something does; they are tried again with the next.
+        """
+        journal = self._journal_of(self.state.grains if grains is None else grains)
+        if journal is None:
+            return ""
+        for label, fit in fits.items():
+            journal.keep(label, fit)
+        trouble = journal.trouble
+        return "" if trouble is None else f"{journal.path} cannot be written ({trouble.strerror or trouble})."
+
+    def give_up_journal(self) -> None:
+        """Remove what was finished and not saved, for it is not wanted.
+
+        Raises
+        ------
+        ProjectError
+            If it cannot be removed.
+        """
+        try:
+            while self._journals:
+                self._journals[-1][1].discard()
+                self._journals.pop()
+            if self.path is not None and self.is_held:
+                self._drop_journal(self.path)
+        except OSError as error:
+            raise JournalError(f"The journal of {self.path} cannot be removed ({error}).") from error
+
+    def _journal_of(self, grains: GrainSet | None) -> FitJournal | None:
+        return next((journal for of, journal in self._journals if of is grains), None)
+
+    def _has_file_with(self, grains: GrainSet) -> bool:
+        """Return whether this project holds a file, which has these grains."""
+        saved = self._saved_state
+        return (
+            self.path is not None
+            and self._lock is not None
+            and self._lock.covers(self.path)
+            and saved is not None
+            and saved.grains is grains
+            and identify(self.path) == self._opened_as
+        )
+
+    def _take_from_journal(self, origin: Origin | None = None) -> Mapping[int, FitResult]:
+        """Bring in what the journal beside the file holds; return all that came from it since the opening.
+
+        With an origin, which is given under the lock, a journal of something else is set aside.
+        """
+        assert self.path is not None
+        place, before = journal_path(self.path), self._recovery
+        found = recover(place, self.state, self._opened_as or "")
+        if found is None:
+            return {}
+        if before is not None and (found.seen, found.foreign) == (before.seen, before.foreign):
+            found = before
+        else:
+            if found.fits:
+                self._push(self.state.with_fits(found.fits), "Bring back avatars")
+            if found.told:
+                warnings.warn(found.told, ProjectWarning, stacklevel=3)
+            self._recovery = found
+        if origin is not None and found.foreign:
+            other = set_aside(place)
+            warnings.warn(f"{place} lies in {other} now.", ProjectWarning, stacklevel=3)
+        return found.fits
+
+    def _settle_journals(self, target: Path, state: ProjectState, entered: list[frozenset[Entry]]) -> None:
+        """Remove from the journals what lies in the file that was saved."""
+        try:
+            origin = Origin(self._opened_as or "", "")
+            for (grains, journal), come_in in zip(list(self._journals), entered, strict=True):
+                if grains is state.grains:
+                    of = replace(origin, grains=journal.origin.grains)
+                    journal.settle(come_in, journal_path(target), of)
+                else:
+                    journal.discard()
+                    self._journals.remove((grains, journal))
+            if not self._journals:
+                self._drop_journal(target)
+        except OSError as error:
+            warnings.warn(
+                f"{target} was saved, but its journal could not be removed ({error.strerror or error}).",
+                ProjectWarning,
+                stacklevel=4,
+            )
+
+    def _drop_journal(self, path: Path) -> None:
+        """Remove the journal beside a file if all that it holds was decided on when it was opened."""
+        if self._recovery is None or not self._is_own(path):
+            return
+        try:
+            found = find_fits(journal_path(path))
+        except JournalError:  # told when the project was opened: it stays for a person to look at
+            return
+        if found is not None and self._recovery.seen.issuperset(found.labels):
+            remove_durably(journal_path(path))
 
     def relocate_scan(self, path: str | Path) -> Scan:
         """Tell where the scan lies now; it must hold the same voxels.
@@ -261,7 +449,7 @@ class Project:
         """
         if self.path is None:
             raise ProjectError("The project has no file yet that it could be merged with.")
-        return self.merge_with(Project.open(self.path), title)
+        return self.merge_with(Project.open(self.path, journal=False), title)
 
     def merge_with(self, found: Project, title: str = "Merge with the file") -> Merge:
         """Bring in what the project's file holds by now, as opened by somebody else, as one change.
@@ -305,6 +493,8 @@ class Project:
         target = Path(path) if path is not None else self.path
         if target is None:
             raise ProjectError("The project has no file yet: give a path to save, for example 'sand.mbs'.")
+        # Before the state is: what comes in between stays in the journal, which does no harm.
+        entered = [journal.entered() for _, journal in self._journals]
         begun = state = self.state
         if state.scan is not None and embed_scan is not None:
             embedded = embed_scan or state.scan.path is None
@@ -313,8 +503,9 @@ class Project:
         scan = self.scan if state.scan is not None and state.scan.embedded else None
         with self._alone(target):
             self._require_unchanged(target)
-            write_project(target, state, scan.voxels if scan is not None else None)
+            self._write(target, state, scan)
             self._opened_as = identify(target)
+            self._settle_journals(target, state, entered)
         self.path = target
         # What was written, not what holds now: the window saves in a worker, and work goes on.
         self._saved_state = state
@@ -322,6 +513,27 @@ class Project:
             title = "Embed scan" if embed_scan else "Do not embed scan"
             self._push(state if self.state is begun else replace(self.state, scan=state.scan), title)
         return target
+
+    def _write(self, target: Path, state: ProjectState, scan: Scan | None) -> None:
+        """Write a state; whatever ends this, the journal belongs to the file before and to the new one."""
+        announced: list[str] = []
+
+        def announce(file: str) -> None:
+            announced.append(file)
+            for _, journal in self._journals:
+                if journal.path == journal_path(target):
+                    journal.announce(file)
+
+        try:
+            write_project(target, state, scan.voxels if scan is not None else None, announce)
+        except ProjectError:
+            # It can be in its place though it was not flushed to the disk: then it is what we work on.
+            if self._is_own(target) and identify(target) in announced:
+                self._opened_as = identify(target)
+            raise
+
+    def _is_own(self, target: Path) -> bool:
+        return self.path is not None and target.resolve() == self.path.resolve()
 
     @contextmanager
     def _alone(self, target: Path) -> Iterator[None]:
@@ -342,16 +554,32 @@ class Project:
             self._lock = lock
 
     def _require_unchanged(self, target: Path) -> None:
-        same = self.path is not None and target.resolve() == self.path.resolve()
-        if same and self._opened_as is not None and identify(target) not in (None, self._opened_as):
+        if (
+            self._is_own(target)
+            and self._opened_as is not None
+            and identify(target) not in (None, self._opened_as)
+        ):
             raise ProjectChangedError(
                 f"{target} was written by another program since it was opened here, and was not replaced: "
                 "save under another name, merge the two, or open it anew."
             )
 
     def close(self) -> None:
-        """Let go of the scan's file and of the project's own; unsaved changes stay in memory only."""
+        """Let go of the scan's file and of the project's own; unsaved changes stay in memory only.
+
+        What a journal holds stays for the next opening.
+        """
         self._open_scans.clear()
+        for _, journal in self._journals:
+            try:
+                journal.close()
+            except OSError as error:
+                warnings.warn(
+                    f"{journal.path} could not be written to its end ({error.strerror or error}).",
+                    ProjectWarning,
+                    stacklevel=2,
+                )
+        self._journals.clear()
         if self._lock is not None:
             self._lock.release()
             self._lock = None
