@@ -54,6 +54,10 @@ class GrainError(MbstudioError):
     """A mask that is not one grain."""
 
 
+class EditError(GrainError):
+    """A correction of grains by hand that cannot be made."""
+
+
 class GrainWarning(UserWarning):
     """Something about a grain was repaired, and the user should know."""
 

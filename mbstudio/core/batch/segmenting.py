@@ -17,9 +17,11 @@ import numpy as np
 from mbstudio.core.batch.messages import Arrays, Head, Message, Report
 from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
+from mbstudio.core.grains.editing.label_volume import LabelVolume
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.segmentation import Progress, SegmentationSettings, segment
 from mbstudio.core.grains.verdict import SegmentationVerdict
+from mbstudio.core.scan.field_of_view import FieldOfView
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
@@ -102,7 +104,10 @@ class _Segmentation(Job[Scan, GrainSet]):
         np.save(folder / "labels.npy", grains.labels, allow_pickle=False)
         texts = [str(one.message) for one in caught if issubclass(one.category, SegmentationWarning)]
         verdict = grains.verdict.to_record() if grains.verdict is not None else None
-        return {"warnings": texts, "verdict": verdict}, {
+        if grains.view is not None:
+            np.save(folder / "footprint.npy", grains.view.footprint, allow_pickle=False)
+        view = None if grains.view is None else [grains.view.axis, grains.view.is_marked]
+        return {"warnings": texts, "verdict": verdict, "view": view}, {
             str(name): grains.table[name].to_numpy() for name in grains.table.columns
         }
 
@@ -113,7 +118,19 @@ class _Segmentation(Job[Scan, GrainSet]):
         for text in head["warnings"]:
             warnings.warn(text, SegmentationWarning, stacklevel=4)
         verdict = SegmentationVerdict.from_record(head["verdict"]) if head["verdict"] is not None else None
-        return GrainSet(labels, pd.DataFrame(arrays), scan.voxel_size, scan.origin, verdict=verdict)
+        view = None
+        if head["view"] is not None:
+            axis, is_marked = head["view"]
+            footprint = np.load(self._folder / "footprint.npy", allow_pickle=False)
+            view = FieldOfView(axis, footprint, scan.shape, is_marked)
+        return GrainSet(
+            LabelVolume(labels),
+            pd.DataFrame(arrays),
+            scan.voxel_size,
+            scan.origin,
+            verdict=verdict,
+            view=view,
+        )
 
     def lose(self, scan: Scan, code: int) -> GrainSet:
         complaints = self.complaints.read_text(encoding="utf-8", errors="replace").strip()

@@ -11,10 +11,15 @@ import numpy as np
 from jaxtyping import Int
 
 from mbstudio.core.errors import GrainError
+from mbstudio.core.grains.editing.boxes import box_of_row
+from mbstudio.core.grains.editing.editable import EditableGrains
+from mbstudio.core.grains.editing.label_volume import LabelVolume
+from mbstudio.core.grains.editing.records import Edit
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_mesh import GrainMesh
 from mbstudio.core.grains.pieces import without_cavities
 from mbstudio.core.grains.verdict import SegmentationVerdict
+from mbstudio.core.scan.field_of_view import FieldOfView
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
@@ -23,18 +28,19 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class GrainSet:
+class GrainSet(EditableGrains):
     """The grains of one scan.
 
     Attributes
     ----------
-    labels : int array, shape (Z, Y, X)
-        0 outside all grains, else the grain's label.
+    label_volume : LabelVolume
+        0 outside all grains, else the grain's label; an array that is given becomes one.
     table : pandas.DataFrame
         One row a grain, in the order of its labels, with the columns ``label``, ``voxels``,
         ``volume`` (unit**3; of a mesh exactly, else by counting voxels), ``z0, z1, y0, y1, x0, x1``
-        (bounding box in voxels, half open), ``x, y, z`` (centroid in unit) and ``touches_border``; grains
-        of mesh files also have a ``name`` and the ``file`` that they came from.
+        (bounding box in voxels, half open), ``x, y, z`` (centroid in unit) and ``touches_border``; where
+        grains were excluded by hand also ``excluded``; grains of mesh files also have a ``name`` and the
+        ``file`` that they came from.
     voxel_size : VoxelSize
     origin : tuple of float
         Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.
@@ -42,14 +48,37 @@ class GrainSet:
         By label, the exact surfaces of grains of mesh files; empty for those of scans.
     verdict : SegmentationVerdict or None
         How well the scan bears the grains out; None where it was not compared with them.
+    view : FieldOfView or None
+        What the scan has seen; None if that is not known.
+    edits : tuple of Edit
+        How the grains were corrected by hand since they were found, the first first.
+    last_label : int
+        The highest number that a grain has ever had; the highest of the table by default.
     """
 
-    labels: Int[np.ndarray, "Z Y X"]
+    label_volume: LabelVolume
     table: pd.DataFrame
     voxel_size: VoxelSize
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     meshes: Mapping[int, GrainMesh] = field(default_factory=lambda: MappingProxyType({}))
     verdict: SegmentationVerdict | None = None
+    view: FieldOfView | None = None
+    edits: tuple[Edit, ...] = ()
+    last_label: int = 0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.label_volume, np.ndarray):
+            object.__setattr__(self, "label_volume", LabelVolume(self.label_volume))
+        highest = int(self.table["label"].max()) if len(self.table) else 0
+        object.__setattr__(self, "last_label", max(self.last_label, highest))
+
+    @property
+    def labels(self) -> Int[np.ndarray, "Z Y X"]:
+        """The label of every voxel, read-only; 0 outside all grains.
+
+        After edits by hand it is put together when it is first asked for; `label_volume` is read at once.
+        """
+        return self.label_volume.whole()
 
     @property
     def unit(self) -> str:
@@ -106,14 +135,24 @@ class GrainSet:
 
     @property
     def interior_labels(self) -> list[int]:
-        """Labels of the grains that do not touch the border."""
-        return [int(label) for label in self.table.loc[~self.table["touches_border"], "label"]]
+        """Labels of the grains that do not touch the border and are not excluded."""
+        wanted = ~self.table["touches_border"].to_numpy()
+        if "excluded" in self.table:
+            wanted &= ~self.table["excluded"].to_numpy()
+        return [int(label) for label in self.table.loc[wanted, "label"]]
+
+    @property
+    def excluded_labels(self) -> frozenset[int]:
+        """Labels of the grains that were excluded by hand."""
+        if "excluded" not in self.table:
+            return frozenset()
+        return frozenset(self.table.loc[self.table["excluded"].to_numpy(), "label"].tolist())
 
     def _cut_out(self, row: pd.Series, fill_cavities: bool = True) -> Grain:
         """Cut the grain out of the label volume; what other labels fill inside it is its own if filled."""
         label = int(row["label"])
-        box = tuple(slice(int(row[f"{axis}0"]), int(row[f"{axis}1"])) for axis in "zyx")
-        solid = self.labels[box] == label
+        box = box_of_row([row[f"{axis}{end}"] for axis in "zyx" for end in (0, 1)])
+        solid = self.label_volume.read(box) == label
         mask = without_cavities(solid) if fill_cavities else solid
         mask.flags.writeable = False
         corner = self.voxel_size.positions(np.array([[part.start for part in box]]), self.origin)[0]

@@ -107,7 +107,8 @@ def load_labels(
         return build_grain_set(numbered, size, origin)
     view = find_field_of_view(scan.load())
     verdict = _judged(numbered, scan, view)
-    return replace(build_grain_set(numbered, size, origin, view.rim_cutting(numbered)), verdict=verdict)
+    grains = build_grain_set(numbered, size, origin, view.rim_cutting(numbered))
+    return replace(grains, verdict=verdict, view=view)
 
 
 def _judged(labels: Int[np.ndarray, "Z Y X"], scan: Scan, view: FieldOfView) -> SegmentationVerdict | None:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from mbstudio.core.compiled import compiled
+from mbstudio.core.grains.editing.label_volume import LabelVolume
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.units import VoxelSize
 
@@ -40,8 +41,7 @@ def build_grain_set(
             "touches_border": cut,
         }
     )
-    labels.flags.writeable = False
-    return GrainSet(labels, table, voxel_size, origin)
+    return GrainSet(LabelVolume(labels), table, voxel_size, origin)
 
 
 def statistics(

@@ -176,7 +176,9 @@ def segment(
         )
     tell(0.97, "Making the table")
     grains = replace(
-        build_grain_set(labels, scan.voxel_size, scan.origin, view.rim_cutting(labels)), verdict=verdict
+        build_grain_set(labels, scan.voxel_size, scan.origin, view.rim_cutting(labels)),
+        verdict=verdict,
+        view=view,
     )
     tell(1.0, f"{len(grains):,} grains")
     return grains

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from mbstudio.core.errors import SegmentationError
@@ -202,11 +202,29 @@ class SegmentationVerdict:
         Number of phases seen: void, liquid, and each tone of grains; 0 if unknown.
     view : str
         The field of view in words.
+    edits : int
+        How many edits by hand were made since the scan was compared with the grains.
     """
 
     figures: Mapping[str, float]
     phases: int = 0
     view: str = ""
+    edits: int = 0
+
+    def after_edit(self, figures: Mapping[str, float]) -> SegmentationVerdict:
+        """Return the verdict after one more edit by hand, with the figures that are known anew."""
+        return replace(self, figures={**self.figures, **figures}, edits=self.edits + 1)
+
+    @property
+    def edited_note(self) -> str:
+        """What the verdict does not know of edits by hand, in words; empty if there were none."""
+        if not self.edits:
+            return ""
+        times = "once" if self.edits == 1 else f"{self.edits} times"
+        return (
+            f"Edited by hand {times} since: sizes follow, but the scan was compared with the grains as they "
+            "were found."
+        )
 
     def level_of(self, criterion: Criterion) -> Level:
         """Return how good one figure is; green where it was not measured."""
@@ -239,6 +257,7 @@ class SegmentationVerdict:
             "level": self.level,
             "phases": self.phases,
             "field_of_view": self.view,
+            "edits": self.edits,
             "figures": {name: float(figure) for name, figure in self.figures.items()},
             "doubts": [
                 {
@@ -268,4 +287,7 @@ class SegmentationVerdict:
         for name, figure in figures.items():
             if name not in known or not isinstance(figure, int | float) or not math.isfinite(figure):
                 raise SegmentationError(f"The verdict's figure '{name}' is none: find the grains again.")
-        return cls(dict(figures), phases, str(record.get("field_of_view", "")))
+        edits = record.get("edits", 0)
+        if type(edits) is not int or edits < 0:
+            raise SegmentationError("The verdict's number of edits is none: find the grains again.")
+        return cls(dict(figures), phases, str(record.get("field_of_view", "")), edits)

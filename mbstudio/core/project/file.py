@@ -1,23 +1,25 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
 The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
-it. Layout (schema 5); every text is UTF-8, nothing is pickled::
+it. Layout (schema 6); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
                      large blocks; voxels, if embedded
     /segmentation    attributes: the settings, None as an empty attribute
-    /grains          attribute: the verdict on the segmentation, as JSON
+    /grains          attributes: the verdict on the segmentation, as JSON; the highest number of a grain
     /grains/labels   label volume, compressed; attributes: voxel size, unit, origin
     /grains/table    one dataset a column; attribute: order of the columns
+    /grains/view     cross-section of the field of view; attributes: its axis, whether the file marks it
+    /grains/edits    corrections by hand as JSON texts, in their order; only where there are some
     /grains/meshes   see mbstudio.core.project.mesh_table; only of grains of mesh files
     /fit_settings    attributes
-    /fits            see mbstudio.core.project.fit_table
+    /fits            see mbstudio.core.project.fit_table; changed: grains edited since they were fitted
     /style, /clones  see mbstudio.core.project.style_table; only where there are some
     /kept            see mbstudio.core.project.kept_table; only where there are some
 
 Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans, schema 4 no
-meshes: a project is written in the lowest that holds it.
+meshes, schema 5 no corrections by hand: a project is written in the lowest that holds it.
 """
 
 from __future__ import annotations
@@ -36,11 +38,18 @@ from typing import TYPE_CHECKING, Any, get_args
 import h5py
 import numpy as np
 
-from mbstudio.core.errors import MbstudioError, ProjectError, SegmentationError
-from mbstudio.core.imaging.steps import Method
+from mbstudio.core.errors import MbstudioError, ProjectError
+from mbstudio.core.imaging.steps import FitResult, Method
 from mbstudio.core.project.fit_table import read_fits, write_fits
+from mbstudio.core.project.grain_table import (
+    PACKED,
+    is_edited,
+    read_grains,
+    read_place,
+    write_grains,
+    write_place,
+)
 from mbstudio.core.project.kept_table import read_kept, write_kept
-from mbstudio.core.project.mesh_table import read_meshes, write_meshes
 from mbstudio.core.project.own_files import is_own, mark_of
 from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
@@ -51,26 +60,17 @@ from mbstudio.core.replacement import replacing
 from mbstudio.core.scan import Scan, voxel_digest
 from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.sealing import HEADER_BYTES, Seal, read_seal, seal_image
-from mbstudio.core.units import VoxelSize
 from mbstudio.core.version import __version__
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from mbstudio.core.grains.grain_set import GrainSet
-    from mbstudio.core.grains.verdict import SegmentationVerdict
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 5
+SCHEMA = 6
 _VOXELS = "scan/voxels"
 OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 """What numbers and JSON of another kind than expected lead to, wherever they are used."""
-_WITHOUT_MESHES, _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 4, 3, 2, 1
-
-# Shuffled level 1 packs label volumes about as small as level 9 and several times faster; the
-# checksum tells of damage that the file's structure does not show.
-_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+_WITHOUT_EDITS, _WITHOUT_MESHES, _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 5, 4, 3, 2, 1
 
 
 def write_project(
@@ -222,8 +222,10 @@ def _accept(root: Mapping[str, Any], path: Path) -> None:
 
 def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
     # What older versions would lose unseen keeps them away; all else stays readable to them.
-    if state.grains is not None and state.grains.meshes:
+    if state.grains is not None and is_edited(state.grains):
         schema = SCHEMA
+    elif state.grains is not None and state.grains.meshes:
+        schema = _WITHOUT_EDITS
     elif state.scan is not None and state.scan.excerpt is not None:
         schema = _WITHOUT_MESHES
     elif state.kept:
@@ -237,9 +239,11 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
     if state.segmentation is not None:
         _write_record(file.create_group("segmentation"), state.segmentation)
     if state.grains is not None:
-        _write_grains(file.create_group("grains"), state.grains)
+        write_grains(file.create_group("grains"), state.grains)
     _write_record(file.create_group("fit_settings"), state.fit_settings)
     write_fits(file.create_group("fits"), state.fits)
+    if state.changed_labels:
+        file["fits"]["changed"] = np.array(sorted(state.changed_labels), dtype=np.int64)
     if state.style is not None:
         write_style(file.create_group("style"), state.style)
     if state.clones is not None:
@@ -258,16 +262,26 @@ def _read_state(stored: Stored, path: Path) -> ProjectState:
     fit_settings = _read_record(stored.group("fit_settings"), FitSettings)
     if fit_settings.n < 1 or fit_settings.method not in get_args(Method):
         raise ContentError("fit_settings are none")
+    fits = read_fits(stored.group("fits"))
     return ProjectState(
         scan=_read_scan(stored.group("scan"), path) if "scan" in stored else None,
         segmentation=segmentation,
-        grains=_read_grains(stored.group("grains")) if "grains" in stored else None,
-        fits=MappingProxyType(read_fits(stored.group("fits"))),
+        grains=read_grains(stored.group("grains")) if "grains" in stored else None,
+        fits=MappingProxyType(fits),
         fit_settings=fit_settings,
         style=read_style(stored.group("style"), path) if "style" in stored else None,
         clones=read_clones(stored.group("clones"), path) if "clones" in stored else None,
         kept=read_kept(stored.group("kept")) if "kept" in stored else (),
+        outdated=_read_outdated(stored.group("fits"), fits),
     )
+
+
+def _read_outdated(stored: Stored, fits: Mapping[int, FitResult]) -> Mapping[int, FitResult]:
+    """Return the fits whose grain has changed since."""
+    labels = stored.numbers("changed", "iu").tolist() if "changed" in stored else []
+    if not set(labels) <= fits.keys():
+        raise ContentError("fits/changed names grains that are not fitted")
+    return MappingProxyType({label: fits[label] for label in labels})
 
 
 def _write_record(group: h5py.Group, record: Any) -> None:
@@ -300,20 +314,8 @@ def _read_record(stored: Stored, kind: type) -> Any:
     return kind(**values)
 
 
-def _write_place(
-    group: h5py.Group | h5py.Dataset, size: VoxelSize, origin: tuple[float, float, float]
-) -> None:
-    group.attrs.update(voxel_size_zyx=size.zyx, unit=size.unit, origin_xyz=tuple(map(float, origin)))
-
-
-def _read_place(stored: Stored, of: str = "") -> tuple[VoxelSize, tuple[float, float, float]]:
-    z, y, x = stored.tuple_of("voxel_size_zyx", float, 3, of=of)
-    at_x, at_y, at_z = stored.tuple_of("origin_xyz", float, 3, of=of)
-    return VoxelSize(z, y, x, stored.attribute("unit", str, of=of)), (at_x, at_y, at_z)
-
-
 def _write_scan(group: h5py.Group, path: Path, scan: ScanReference, voxels: VoxelArray | None) -> None:
-    _write_place(group, scan.voxel_size, scan.origin)
+    write_place(group, scan.voxel_size, scan.origin)
     group.attrs.update(
         shape_zyx=scan.shape, dtype=scan.dtype, digest=scan.digest, embedded=scan.embedded,
         header_bytes=scan.header_bytes, big_endian=scan.big_endian,
@@ -339,14 +341,14 @@ def _write_scan(group: h5py.Group, path: Path, scan: ScanReference, voxels: Voxe
             )
         depth, height, width = scan.shape
         stored = group.create_dataset(
-            "voxels", scan.shape, dtype=voxels.dtype, chunks=(1, min(height, 512), min(width, 512)), **_PACKED
+            "voxels", scan.shape, dtype=voxels.dtype, chunks=(1, min(height, 512), min(width, 512)), **PACKED
         )
         for index in range(depth):
             stored[index] = voxels[index]
 
 
 def _read_scan(stored: Stored, path: Path) -> ScanReference:
-    size, origin = _read_place(stored)
+    size, origin = read_place(stored)
     told, relative = stored.attribute("path", str, ""), stored.attribute("path_from_project", str, "")
     if "\0" in told + relative:
         raise ContentError("the path of the scan holds a zero byte")
@@ -383,84 +385,3 @@ def _read_excerpt(stored: Stored, shape: tuple[int, int, int], header_bytes: int
     excerpt = Excerpt((wz, wy, wx), (z0, y0, x0), (z1, y1, x1), (bz, by, bx), header_bytes)
     excerpt.require_possible(shape)
     return excerpt
-
-
-def _write_grains(group: h5py.Group, grains: GrainSet) -> None:
-    labels = group.create_dataset("labels", data=np.asarray(grains.labels), chunks=True, **_PACKED)
-    _write_place(labels, grains.voxel_size, grains.origin)
-    if grains.verdict is not None:
-        group.attrs["verdict"] = json.dumps(grains.verdict.to_record())
-    table = group.create_group("table")
-    table.attrs["columns"] = list(map(str, grains.table.columns))
-    for name, column in grains.table.items():
-        if column.dtype.kind in "biuf":
-            table[str(name)] = column.to_numpy()
-        else:
-            table.create_dataset(
-                str(name), data=column.astype(str).tolist(), dtype=h5py.string_dtype("utf-8")
-            )
-    if grains.meshes:
-        write_meshes(group.create_group("meshes"), grains.meshes)
-
-
-def _read_grains(stored: Stored) -> GrainSet:
-    from mbstudio.core.grains.grain_set import GrainSet
-
-    size, origin = _read_place(stored, "labels")
-    labels = stored.numbers("labels", "iu", axes=3)
-    if not labels.size or labels.min() < 0:
-        raise ContentError("grains/labels holds no voxels, or labels below 0")
-    table = _read_table(stored.group("table"))
-    _check_table(table, labels.shape)
-    labels.flags.writeable = False
-    meshes = read_meshes(stored.group("meshes")) if "meshes" in stored else MappingProxyType({})
-    if not set(meshes) <= set(table["label"].tolist()):
-        raise ContentError("grains/meshes holds meshes of grains that there are not")
-    return GrainSet(labels, table, size, origin, meshes, _read_verdict(stored))
-
-
-def _read_verdict(stored: Stored) -> SegmentationVerdict | None:
-    """Return the verdict on the grains; None in files of older versions, and where there is none."""
-    from mbstudio.core.grains.verdict import SegmentationVerdict
-
-    if "verdict" not in stored.attributes():
-        return None
-    record = json_entries(stored.attribute("verdict", str), "attribute verdict of grains")
-    try:
-        return SegmentationVerdict.from_record(record)
-    except SegmentationError as error:
-        raise ContentError(str(error)) from None
-
-
-def _read_table(stored: Stored) -> pd.DataFrame:
-    import pandas as pd  # imported late: it takes a third of a second
-
-    names = stored.attributes().get("columns")
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ContentError("the columns of grains/table are not named")
-    columns: dict[str, Any] = {}
-    rows: int | None = None
-    for name in names:
-        if stored.array(name).dtype == object:
-            columns[name] = stored.texts(name, rows)
-        else:
-            columns[name] = stored.numbers(name, "biuf", rows=rows, finite=False)
-        rows = len(columns[name])
-    return pd.DataFrame(columns)
-
-
-def _check_table(table: pd.DataFrame, shape: tuple[int, ...]) -> None:
-    """Refuse a table of grains whose labels, boxes or volumes cannot be."""
-    if "label" not in table or table["label"].dtype.kind not in "iu":
-        raise ContentError("grains/table has no labels")
-    labels = table["label"].to_numpy()
-    if len(np.unique(labels)) < len(labels) or (len(labels) and labels.min() < 1):
-        raise ContentError("grains/table has a label twice, or one below 1")
-    for axis, length in zip("zyx", shape, strict=True):
-        if f"{axis}0" in table and f"{axis}1" in table:
-            low, high = table[f"{axis}0"].to_numpy(), table[f"{axis}1"].to_numpy()
-            if not ((low >= 0) & (low < high) & (high <= length)).all():
-                raise ContentError(f"grains/table has boxes that are not inside the scan along {axis}")
-    for name in ("voxels", "volume"):
-        if name in table and not (np.isfinite(table[name]) & (table[name] > 0)).all():
-            raise ContentError(f"grains/table has {name} that are no positive numbers")

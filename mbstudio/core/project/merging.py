@@ -75,8 +75,19 @@ def merge_states(base: ProjectState | None, ours: ProjectState, theirs: ProjectS
     kept, kept_added = _merged_kept(begun.kept, ours.kept, theirs.kept)
     styled = _styled(begun, ours, theirs)
     settings = theirs.fit_settings if ours.fit_settings is begun.fit_settings else ours.fit_settings
+    outdated = {
+        label: fit
+        for label, fit in fits.items()
+        if ours.outdated.get(label) is fit or theirs.outdated.get(label) is fit
+    }
     state = replace(
-        ours, fits=_sorted(fits), kept=kept, style=styled.style, clones=styled.clones, fit_settings=settings
+        ours,
+        fits=_sorted(fits),
+        outdated=_sorted(outdated),
+        kept=kept,
+        style=styled.style,
+        clones=styled.clones,
+        fit_settings=settings,
     )
     added = len(fits.keys() - ours.fits.keys()) + kept_added
     return Merge(state, added, tuple(sorted(in_both)))

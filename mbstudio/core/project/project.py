@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 from psygnal import Signal
 
 from mbstudio.core.errors import JournalError, ProjectChangedError, ProjectError, ProjectWarning
+from mbstudio.core.grains.editing import Edit, EditOutcome, Replay, replay
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
@@ -35,6 +36,7 @@ from mbstudio.core.project.scan_reference import refer_to, reopen
 from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
 from mbstudio.core.scan import Scan
+from mbstudio.core.scan.field_of_view import find_field_of_view
 
 
 class Project:
@@ -401,6 +403,63 @@ class Project:
             return
         if found is not None and self._recovery.seen.issuperset(found.labels):
             remove_durably(journal_path(path))
+
+    def edit_grains(self, edit: Edit, title: str = "") -> EditOutcome[GrainSet]:
+        """Correct grains by hand, as one change.
+
+        Avatars and measures of grains that the edit leaves as they are stay; see
+        :meth:`ProjectState.with_edit`.
+
+        Parameters
+        ----------
+        edit : Edit
+            Such as ``Merge(labels=(3, 7))``.
+        title : str, optional
+            The title of the change; what the edit does by default.
+
+        Raises
+        ------
+        ProjectError
+            If there are no grains.
+        EditError
+            If the edit cannot be made.
+        ScanError
+            If it looks at grey values and the scan cannot be opened.
+        """
+        outcome = self._grains_to_edit().edit(edit, self.scan if edit.needs_scan else None)
+        self._push(self.state.with_edit(outcome), title or edit.described())
+        return outcome
+
+    def replay_edits(self, edits: Sequence[Edit], title: str = "Replay edits") -> Replay[GrainSet]:
+        """Make edits again that were made on other grains of the same scan, as one change.
+
+        Raises
+        ------
+        ProjectError, ScanError
+            As :meth:`edit_grains`.
+        """
+        scan = self.scan if any(edit.needs_scan for edit in edits) else None
+        replayed = replay(edits, self._grains_to_edit(), scan)
+        if replayed.made:
+            state = self.state
+            for outcome in replayed.made:
+                state = state.with_edit(outcome)
+            self._push(state, title)
+        return replayed
+
+    def _grains_to_edit(self) -> GrainSet:
+        grains = self.state.grains
+        if grains is None:
+            raise ProjectError(
+                "The project has no grains to correct: find them with 'mbstudio segment' first."
+            )
+        if grains.view is not None or grains.is_of_meshes or self.state.scan is None:
+            return grains
+        scan = self.scan
+        if scan is None or scan.shape != grains.label_volume.shape:
+            return grains
+        # Projects of older versions do not hold it; nothing may be painted beyond it.
+        return replace(grains, view=find_field_of_view(scan.voxels))
 
     def relocate_scan(self, path: str | Path) -> Scan:
         """Tell where the scan lies now; it must hold the same voxels.

@@ -13,6 +13,7 @@ from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
+    from mbstudio.core.grains.editing.editable import EditOutcome
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
     from mbstudio.core.vae.generate.generation import Generation
@@ -86,6 +87,8 @@ class ProjectState:
         New grains in a style, made last.
     kept : tuple of KeptGrain
         Grains shaped by hand, of any style-learner that the project had.
+    outdated : mapping of int to FitResult
+        By grain label, fits whose grain was corrected by hand after it was fitted; see `changed_labels`.
     """
 
     scan: ScanReference | None = None
@@ -96,6 +99,32 @@ class ProjectState:
     style: StyleLearner | None = None
     clones: Generation | None = None
     kept: tuple[KeptGrain, ...] = ()
+    outdated: Mapping[int, FitResult] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def changed_labels(self) -> frozenset[int]:
+        """Labels of the grains that have changed since they were fitted."""
+        return frozenset(label for label, fit in self.outdated.items() if self.fits.get(label) is fit)
+
+    @property
+    def included_fits(self) -> Mapping[int, FitResult]:
+        """The fits of all grains that are not excluded, by ascending label."""
+        excluded = self.grains.excluded_labels if self.grains is not None else frozenset()
+        return MappingProxyType(
+            {label: self.fits[label] for label in sorted(self.fits) if label not in excluded}
+        )
+
+    def with_edit(self, outcome: EditOutcome[GrainSet]) -> ProjectState:
+        """Return this state with its grains corrected by hand.
+
+        Avatars of grains that are no more go, those of grains that have changed are marked.
+        """
+        fits = {label: fit for label, fit in self.fits.items() if label not in outcome.gone}
+        marked = (self.changed_labels | outcome.changed) & fits.keys()
+        outdated = {label: fits[label] for label in sorted(marked)}
+        return replace(
+            self, grains=outcome.grains, fits=MappingProxyType(fits), outdated=MappingProxyType(outdated)
+        )
 
     def with_fits(self, added: Mapping[int, FitResult]) -> ProjectState:
         """Return this state with fits added (or replaced) by label."""

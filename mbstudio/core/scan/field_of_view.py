@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import ScanError
@@ -81,8 +82,7 @@ class FieldOfView:
     @property
     def rim(self) -> Bool[np.ndarray, "Z Y X"]:
         """Voxels where a grain is cut off: the box's faces, and what borders on the unseen."""
-        inner = ndimage.binary_erosion(self.footprint, np.ones((3, 3)), border_value=0)
-        rim = self.over_volume(self.footprint & ~inner).copy()
+        rim = self.over_volume(self._edge).copy()
         for axis in range(3):
             for end in (0, -1):
                 rim[(slice(None),) * axis + (end,)] = True
@@ -104,15 +104,51 @@ class FieldOfView:
         for axis in range(3):
             for end in (0, -1):
                 at_faces[np.unique(labels.take(end, axis))] = True
-        radius = np.cbrt(3 * voxels / (4 * np.pi))
-        around = np.sqrt(np.count_nonzero(self.footprint) / np.pi)
-        # A cylinder that curves as the ball does lies on it longer than a plane would.
-        touch = 2 * np.pi * radius * (_RIM_THICKNESS + _GRAZE_DEPTH) / np.maximum(1 - radius / around, 0.5)
-        grazing = (contact > 0) & (contact <= touch) & ~at_faces
+        grazing = (contact > 0) & (contact <= self._grazing_contact(voxels)) & ~at_faces
         grazing[0] = False
         if grazing.any():
             rim &= ~grazing[labels]
         return rim
+
+    def cuts(self, mask: Bool[np.ndarray, "z y x"], box: tuple[slice, slice, slice]) -> bool:
+        """Return whether a grain is cut off, as :meth:`rim_cutting` tells it of all at once.
+
+        Parameters
+        ----------
+        mask : bool array
+            The grain in a box that holds all of it.
+        box : tuple of slice
+            Where in the volume that is, both ends given.
+        """
+        for axis, (part, count) in enumerate(zip(box, self.shape, strict=True)):
+            if part.start == 0 and mask.take(0, axis).any():
+                return True
+            if part.stop == count and mask.take(-1, axis).any():
+                return True
+        if self.is_whole_box:
+            return False
+        across = tuple(part for axis, part in enumerate(box) if axis != self.axis)
+        contact = int(np.count_nonzero(mask & np.expand_dims(self._edge[across], self.axis)))
+        if not self.is_marked:
+            return contact > 0
+        return contact > float(self._grazing_contact(np.array(np.count_nonzero(mask))))
+
+    @cached_property
+    def _edge(self) -> Bool[np.ndarray, "a b"]:
+        """The outermost ring of the footprint."""
+        inner = ndimage.binary_erosion(self.footprint, np.ones((3, 3)), border_value=0)
+        edge: np.ndarray = self.footprint & ~inner
+        return edge
+
+    def _grazing_contact(self, voxels: Int[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return how many voxels on the rim a grain of so many voxels shows that only grazes it."""
+        radius = np.cbrt(3 * voxels / (4 * np.pi))
+        around = np.sqrt(np.count_nonzero(self.footprint) / np.pi)
+        # A cylinder that curves as the ball does lies on it longer than a plane would.
+        contact: np.ndarray = (
+            2 * np.pi * radius * (_RIM_THICKNESS + _GRAZE_DEPTH) / np.maximum(1 - radius / around, 0.5)
+        )
+        return contact
 
 
 def find_field_of_view(voxels: Voxels) -> FieldOfView:

@@ -12,12 +12,16 @@ from typing import Any
 
 import numpy as np
 
-_WRITTEN_AS = {"is_met": "met"}
+from mbstudio.core.grains.editing import LabelVolume
+
+_WRITTEN_AS = {"is_met": "met", "label_volume": "labels"}
 """Names in files of fields that are called otherwise by now."""
 
 
 def describe(value: Any) -> Any:
     """Return a record, mapping, table, array or number as JSON can hold it."""
+    if isinstance(value, LabelVolume):
+        return describe(value.whole())
     if is_dataclass(value):
         return {
             _WRITTEN_AS.get(field.name, field.name): describe(getattr(value, field.name))

@@ -184,7 +184,7 @@ def test_a_project_with_other_grains_takes_nothing(path, rng, state):
     killed(path, {2: make_fit(2, 5, rng)})
     labels = state.grains.labels.copy()
     labels[0, 0, 0] = 2
-    write_project(path, replace(state, fits={}, grains=replace(state.grains, labels=labels)))
+    write_project(path, replace(state, fits={}, grains=replace(state.grains, label_volume=labels)))
     project, told = opened(path)
     assert "holds 1 avatars of other grains than the project's" in told
     assert not project.fits
@@ -358,7 +358,7 @@ def test_grains_that_are_not_in_the_file_do_not_come_into_its_journal(path, rng,
     project.add_fits({2: make_fit(2, 5, rng)})
     labels = state.grains.labels.copy()
     labels[0, 0, 0] = 2
-    project.change("Find grains", grains=replace(state.grains, labels=labels), fits={})
+    project.change("Find grains", grains=replace(state.grains, label_volume=labels), fits={})
     assert not project.begin_journal()
     assert project.begin_journal(tmp_path / "elsewhere")
     project.add_fits({7: make_fit(7, 3, rng)})

@@ -106,7 +106,7 @@ def test_other_grains_are_refused(base, again, change):
     if change == "labels":
         labels = base.grains.labels.copy()
         labels[0, 0, 0] = 2
-        theirs = replace(base, grains=replace(base.grains, labels=labels))
+        theirs = replace(base, grains=replace(base.grains, label_volume=labels))
     else:
         theirs = replace(base, grains=None, fits={})
     with pytest.raises(ProjectError, match="grains in the file are others"):
