@@ -71,14 +71,19 @@ ExtraOption = Annotated[
 ]
 SpecimenOption = Annotated[
     int | None,
-    typer.Option("--specimen", metavar="N", help="Also fill a box with N particles of a size distribution."),
+    typer.Option(
+        "--specimen",
+        metavar="N",
+        help="Also fill a box with N particles, in the avatars' own sizes or scaled to --curve.",
+    ),
 ]
 CurveOption = Annotated[
     str | None,
     typer.Option(
         "--curve",
         metavar="SIZE:FINER,...",
-        help="Sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or add a unit at the end).",
+        help="Scale the particles to these sizes and percent finer by mass: 0.1:0,0.3:40,0.8:100 (in mm, or "
+        "add a unit at the end).",
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the specimen.")]
@@ -88,7 +93,10 @@ ShareOption = Annotated[
 ]
 BoxWidthOption = Annotated[
     float | None,
-    typer.Option("--box-width", help="Width of the specimen's box, in the unit of the curve."),
+    typer.Option(
+        "--box-width",
+        help="Width of the specimen's box, in the unit of the curve, without one in that of the files.",
+    ),
 ]
 TellTargetsOption = Annotated[
     bool,
@@ -255,16 +263,12 @@ def _plan(
         if curve or shares or width is not None:
             raise ExportError("--curve, --share and --box-width need a specimen: give --specimen N too.")
         return None
-    if curve is None:
-        raise ExportError(
-            "A specimen needs a size distribution: give for example --curve '0.1:0,0.3:40,0.8:100 mm'."
-        )
     numbers = {}
     for name, value in _options(shares).items():
         if isinstance(value, str | bool):
             raise ExportError(f"--share {name}={value} cannot be read: write a number after the name.")
         numbers[name] = float(value)
-    return SpecimenPlan(count, _curve(curve), seed, numbers, width)
+    return SpecimenPlan(count, None if curve is None else _curve(curve), seed, numbers, width)
 
 
 def _curve(text: str) -> SizeDistribution:

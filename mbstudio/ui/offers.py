@@ -9,6 +9,7 @@ from PySide6.QtCore import QObject, Signal
 
 if TYPE_CHECKING:
     from mbstudio.core.populations import Population
+    from mbstudio.core.populations.measuring import Known
     from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
 
@@ -27,6 +28,8 @@ class Offers(QObject):
     learner : StyleLearner or None
     kept_name : str or None
         The kept grain that is chosen.
+    known : dict
+        Measurements of the project's bodies so far, as `measure_together` keeps them.
     compared_changed, populations_changed, kept_changed, kept_chosen : signal
     export_chosen : signal (str)
         Which bodies station Export is to write: 'valid', 'all', 'chosen', 'clones', 'kept' or 'kept one'.
@@ -45,6 +48,7 @@ class Offers(QObject):
         self.kept: tuple[KeptGrain, ...] = ()
         self.learner: StyleLearner | None = None
         self.kept_name: str | None = None
+        self.known: Known = {}
 
     def compare(self, populations: Sequence[Population]) -> None:
         """Offer populations to be shown beside the project's own."""

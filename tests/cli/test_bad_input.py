@@ -239,7 +239,6 @@ def test_exports_that_make_no_sense(mbstudio, fitted_project, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--specimen", 10], "--curve"),
         (["--curve", "1:0,2:100"], "--specimen N"),
         (["--specimen", 10, "--curve", "1,2"], "cannot be read"),
         (["--specimen", 10, "--curve", "1:0,2:100 furlong"], "furlong"),

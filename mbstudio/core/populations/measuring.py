@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, MutableMapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -46,12 +47,15 @@ class Bodies:
     labels : sequence of int
     makers : sequence of callable
         Each returns its body when its turn comes: a grain is cut out of the label volume only then.
+    keys : sequence of hashable
+        What tells each body from all others, to find it again among those that are known; empty: never.
     """
 
     name: str
     kind: Kind
     labels: Sequence[int]
     makers: Sequence[Callable[[], Body]]
+    keys: Sequence[Hashable] = ()
 
 
 def measure_population(
@@ -133,6 +137,7 @@ def measure_together(
     detail: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
+    known: Known | None = None,
 ) -> list[Population]:
     """Measure several populations alike, in one batch that keeps all processes busy.
 
@@ -141,6 +146,9 @@ def measure_together(
     groups : sequence of Bodies
     unit, axes, surface, detail, workers, progress
         As for `measure_population`; without a unit each body is measured in its own.
+    known : mutable mapping, optional
+        Measurements by key and conventions. What is there is not measured again; what is measured comes in
+        at once, so that it is there also after the rest was given up.
 
     Returns
     -------
@@ -153,7 +161,7 @@ def measure_together(
         As `measure_population`.
     """
     asked = _conventions(unit, axes, surface, detail)
-    found = _measure_all([make for group in groups for make in group.makers], asked, workers, progress)
+    found = _measure_all(groups, asked, workers, progress, known)
     ends = np.cumsum([len(group.makers) for group in groups]).tolist()
     return [
         _population(group.name, group.kind, group.labels, found[end - len(group.makers) : end], asked)
@@ -197,31 +205,53 @@ def _conventions(unit: str | None, axes: str, surface: str | None, detail: bool)
     return Conventions(None if unit is None else parse_unit(unit), axes, surface, detail)
 
 
+def unknown_bodies(groups: Sequence[Bodies], asked: Conventions, known: Known) -> int:
+    """Return how many bodies are still to be measured."""
+    return sum((key, asked) not in known for group in groups for key in _keys(group))
+
+
+def _keys(group: Bodies) -> list[Hashable]:
+    """Return a key for each body; one that nothing else has, where it has none."""
+    return list(group.keys) or [object() for _ in group.makers]
+
+
 def _measure_all(
-    makers: Sequence[Callable[[], Body]],
+    groups: Sequence[Bodies],
     asked: Conventions,
     workers: int | None,
     progress: Progress | None,
+    known: Known | None,
 ) -> list[Measurement]:
     """Return the measurements in the order of the bodies, whatever the number of processes."""
+    makers = [make for group in groups for make in group.makers]
+    keys = [(key, asked) for group in groups for key in _keys(group)]
     count = len(makers)
     if not count:
         raise MeasureError("There are no bodies to measure.")
+    found = {} if known is None else known
+    rest = [place for place, key in enumerate(keys) if key not in found]
     if workers is None:
-        workers = usable_cores() if count >= FEWEST_FOR_PROCESSES else 0
+        workers = usable_cores() if len(rest) >= FEWEST_FOR_PROCESSES else 0
     if workers < 0:
         raise MeasureError(
             f"The number of processes must be 1 or more, or 0 for the calling thread, not {workers}."
         )
-    done = 0
-
-    def tell(_make: Callable[[], Body], _found: Measurement) -> None:
-        nonlocal done
+    done = count - len(rest)
+    for place, measurement in _measured([makers[place] for place in rest], asked, workers):
+        found[keys[rest[place]]] = measurement
         done += 1
         if progress is not None:
             progress(done / count, f"{done} of {count} bodies")
+    return [found[key] for key in keys]
 
-    return WorkerPool(_Measurements(asked), workers).map(makers, tell)
+
+def _measured(
+    makers: Sequence[Callable[[], Body]], asked: Conventions, workers: int
+) -> Iterator[tuple[int, Measurement]]:
+    """Yield the place of each body with its measurement, as they come."""
+    if makers:
+        with closing(WorkerPool(_Measurements(asked), workers).as_completed(makers)) as done:
+            yield from done
 
 
 def _population(
@@ -272,6 +302,10 @@ class Measurement:
     surface: str = ""
     warning: str = ""
     reason: str = ""
+
+
+Known = MutableMapping[tuple[Hashable, Conventions], Measurement]
+"""Measurements by what tells a body from all others, and how it was measured."""
 
 
 def measure_or_explain(body: Grain | Avatar | trimesh.Trimesh, asked: Conventions) -> Measurement:

@@ -10,6 +10,7 @@ from mbstudio.core.metrics.bodies import VoxelSurface
 from mbstudio.core.metrics.measuring import AxisConvention
 from mbstudio.core.populations.measuring import (
     Bodies,
+    Known,
     Progress,
     given_body,
     grain_makers,
@@ -44,6 +45,7 @@ def measure_project(
     detail: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
+    known: Known | None = None,
 ) -> ProjectPopulations:
     """Measure a project's grains, and the avatars of those that have one, in one batch.
 
@@ -54,6 +56,9 @@ def measure_project(
         Which grains; those with an avatar by default, all interior grains if none has one.
     unit, axes, surface, detail, workers, progress
         As for :func:`~mbstudio.core.populations.measuring.measure_population`.
+    known : mutable mapping, optional
+        As for :func:`~mbstudio.core.populations.measuring.measure_together`: grains by their set and label,
+        avatars by themselves.
 
     Raises
     ------
@@ -63,14 +68,24 @@ def measure_project(
     grains = project.grains
     if grains is None:
         raise MeasureError("The project has no grains yet: find them with 'mbstudio segment' first.")
-    chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
-    fitted = [label for label in chosen if label in project.fits]
-    groups = [Bodies("grains", "grains", chosen, grain_makers(grains, chosen))]
-    if fitted:
-        makers = [given_body(project.fits[label].avatar) for label in fitted]
-        groups.append(Bodies("avatars", "avatars", fitted, makers))
+    groups = bodies_of(project, labels)
     measured = measure_together(
         groups, unit=unit or grains.unit, axes=axes, surface=surface, detail=detail,
-        workers=workers, progress=progress,
+        workers=workers, progress=progress, known=known,
     )  # fmt: skip
-    return ProjectPopulations(measured[0], measured[1] if fitted else None)
+    return ProjectPopulations(measured[0], measured[1] if len(measured) > 1 else None)
+
+
+def bodies_of(project: Project, labels: Sequence[int] | None = None) -> list[Bodies]:
+    """Return what `measure_project` measures; nothing of a project without grains."""
+    grains = project.grains
+    if grains is None:
+        return []
+    chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
+    fitted = [label for label in chosen if label in project.fits]
+    keys = [(grains, label) for label in chosen]
+    groups = [Bodies("grains", "grains", chosen, grain_makers(grains, chosen), keys)]
+    if fitted:
+        avatars = [project.fits[label].avatar for label in fitted]
+        groups.append(Bodies("avatars", "avatars", fitted, [given_body(one) for one in avatars], avatars))
+    return groups

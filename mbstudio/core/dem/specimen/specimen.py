@@ -1,4 +1,4 @@
-"""A specimen: particles of a wanted size distribution, scaled from the avatars, above a floor.
+"""A specimen: particles above a floor, the avatars as they are or scaled to a wanted size distribution.
 
 The size of a particle is its intermediate axis, as in :mod:`mbstudio.core.populations.sieving`; the curve is
 by mass. Sizes are drawn from the distribution by number that gives the curve by mass, one from each of as
@@ -37,22 +37,27 @@ class SpecimenPlan:
     ----------
     count : int
         Number of particles.
-    curve : SizeDistribution
-        Percent finer by mass, from 0 to 100, linear in the logarithm of the size.
+    curve : SizeDistribution or None
+        Percent finer by mass, from 0 to 100, linear in the logarithm of the size: the avatars are scaled to
+        it. None: each keeps its own size.
     seed : int
     shares : mapping of str to float
         How often each avatar is taken, by number, by the name of its file; empty: all alike.
     width : float or None
-        Of the box of insertion, in the curve's unit; None: chosen for a box about twice as high as wide.
+        Of the box of insertion; None: chosen for a box about twice as high as wide.
+    width_unit : str
+        By default the curve's, without a curve that of the files.
     """
 
     count: int
-    curve: SizeDistribution
+    curve: SizeDistribution | None = None
     seed: int = 0
     shares: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     width: float | None = None
+    width_unit: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "width_unit", parse_unit(self.width_unit) if self.width_unit else "")
         if self.count < 1:
             raise ExportError(f"A specimen needs at least 1 particle, not {self.count}.")
         if self.width is not None and not (np.isfinite(self.width) and self.width > 0):
@@ -129,6 +134,64 @@ class SpecimenKinds:
             unit,
         )
 
+    @classmethod
+    def from_factors(
+        cls,
+        names: Sequence[str],
+        axes: Float[np.ndarray, "kinds 3"],
+        volumes: Float[np.ndarray, " kinds"],
+        unit: str,
+    ) -> SpecimenKinds:
+        """Take avatars that were measured before; half the diagonal of its box is about a body's reach.
+
+        Parameters
+        ----------
+        names : sequence of str
+        axes : float array, shape (kinds, 3)
+            Longest, intermediate and shortest axis of the smallest box, in `unit`.
+        volumes : float array, shape (kinds,)
+        unit : str
+        """
+        return cls(
+            tuple(names), axes[:, 1].copy(), volumes, np.linalg.norm(axes, axis=1) / 2, parse_unit(unit)
+        )
+
+    def curve(self, tolerance: float = 0.25) -> SizeDistribution:
+        """Return the curve of the avatars as they are, each taken once, with as few points as it needs.
+
+        Parameters
+        ----------
+        tolerance : float
+            Percent of the mass by which it may leave the avatars' own curve.
+        """
+        order = np.argsort(self.sizes, kind="stable")
+        sizes, mass = self.sizes[order], np.cumsum(self.volumes[order])
+        last = np.append(np.diff(sizes) > 0, True)  # of bodies of one size
+        sizes, finer = sizes[last], 100.0 * mass[last] / mass[-1]
+        # Nothing is finer than a little less than the smallest; one size alone is a steep curve.
+        sizes, finer = np.append(sizes[0] * 0.98, sizes), np.append(0.0, finer)
+        kept = _needed_points(np.log(sizes), finer, tolerance)
+        return SizeDistribution(sizes[kept], finer[kept], self.unit)
+
+
+def _needed_points(
+    x: Float[np.ndarray, " points"], y: Float[np.ndarray, " points"], tolerance: float
+) -> Int[np.ndarray, " kept"]:
+    """Return the points that a polyline needs to pass all within `tolerance` of y (Ramer, Peucker)."""
+    kept, waiting = {0, len(x) - 1}, [(0, len(x) - 1)]
+    while waiting:
+        first, last = waiting.pop()
+        inner = np.arange(first + 1, last)
+        if not len(inner):
+            continue
+        between = y[first] + (y[last] - y[first]) * (x[inner] - x[first]) / (x[last] - x[first])
+        away = np.abs(y[inner] - between)
+        worst = int(inner[np.argmax(away)])
+        if away.max() > tolerance:
+            kept.add(worst)
+            waiting += [(first, worst), (worst, last)]
+    return np.array(sorted(kept))
+
 
 def make_specimen(bodies: Sequence[DemBody], plan: SpecimenPlan, unit: str) -> Specimen:
     """Choose, scale, turn and place the particles of a specimen.
@@ -151,12 +214,17 @@ def make_specimen(bodies: Sequence[DemBody], plan: SpecimenPlan, unit: str) -> S
 def specimen_of(kinds: SpecimenKinds, plan: SpecimenPlan) -> Specimen:
     """Return the specimen of avatars that are measured already; see :func:`make_specimen`."""
     rng = np.random.default_rng(plan.seed)
-    factor = conversion_factor(plan.curve.unit, kinds.unit)
-    sizes = draw_sizes(plan.curve, plan.count, rng) * factor
-    chosen = _spread_kinds(_shares_of(kinds.names, plan.shares), plan.count, rng)
-    scales = sizes / kinds.sizes[chosen]
+    shares = _shares_of(kinds.names, plan.shares)
+    width_unit = plan.width_unit or (kinds.unit if plan.curve is None else plan.curve.unit)
+    if plan.curve is None:
+        chosen = _spread_kinds(shares, plan.count, rng)
+        sizes, scales = kinds.sizes[chosen], np.ones(plan.count)
+    else:
+        sizes = draw_sizes(plan.curve, plan.count, rng) * conversion_factor(plan.curve.unit, kinds.unit)
+        chosen = _spread_kinds(shares, plan.count, rng)
+        scales = sizes / kinds.sizes[chosen]
     radii = kinds.reaches[chosen] * scales * _SLACK
-    half = _half_width(radii, plan.width, factor)
+    half = _half_width(radii, plan.width, conversion_factor(width_unit, kinds.unit))
     positions, top = scattered(radii, half, 0.05 * float(radii.max()), 0.12, rng)
     return Specimen(
         kinds.names,

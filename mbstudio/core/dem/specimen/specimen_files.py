@@ -40,11 +40,14 @@ def describe_specimen(specimen: Specimen, plan: SpecimenPlan) -> dict[str, Any]:
         "count": len(specimen.kinds),
         "seed": plan.seed,
         "numbers": dict(zip(specimen.names, numbers.tolist(), strict=True)),
-        "wanted": {
+        "wanted": None
+        if plan.curve is None
+        else {
             "unit": plan.curve.unit,
             "sizes": plan.curve.sizes.tolist(),
             "finer": plan.curve.finer.tolist(),
         },
+        "scales": [float(specimen.scales.min()), float(specimen.scales.max())],
         "d10": curve.d10,
         "d50": curve.d50,
         "d60": curve.d60,

@@ -15,16 +15,18 @@ from mbstudio.core.dem.preview import ExportPreview, preview
 from mbstudio.core.dem.specimen.specimen import SpecimenKinds, SpecimenPlan, specimen_of
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metaball import Avatar
-from mbstudio.core.populations.sieving import SizeDistribution
+from mbstudio.core.populations.measuring import Known
 from mbstudio.scene.export_preview import PreviewSurfaces, preview_surfaces
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.export.own_sizes import kinds_of, measure_sizes, unmeasured
+from mbstudio.ui.stations.export.work import ChosenAvatars
 from mbstudio.ui.workers import Control, Task, TaskQueue
 
 Named = tuple[str, Avatar]
 
 LANE = "preview"
 MOST_KINDS = 40
-"""Avatars that the curve of a specimen is drawn with: measuring hundreds would take minutes."""
+"""Avatars that the curve of a scaled specimen is drawn with while not all are measured."""
 _KEPT = 64
 
 
@@ -56,8 +58,10 @@ class PreviewWork(QObject):
         Why an avatar cannot be exported.
     specimen_made : signal (SpecimenSketch)
     specimen_refused : signal (str)
-    curve_made : signal (SizeDistribution)
-        Of the avatars themselves.
+    sizes_known : signal
+        All avatars that were asked for are measured.
+    measuring_changed : signal
+        Avatars are being measured, or no longer.
     progressed : signal (str, str)
         What is being made, and how far it is in words.
     """
@@ -66,12 +70,14 @@ class PreviewWork(QObject):
     refused = Signal(str)
     specimen_made = Signal(object)
     specimen_refused = Signal(str)
-    curve_made = Signal(object)
+    sizes_known = Signal()
+    measuring_changed = Signal()
     progressed = Signal(str, str)
 
-    def __init__(self, queue: TaskQueue, parent: QObject | None = None) -> None:
+    def __init__(self, queue: TaskQueue, known: Known, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._queue = queue
+        self._queue, self._known = queue, known
+        self._measuring: Task | None = None
         self._tasks: dict[str, Task] = {}
         self._bodies: dict[Avatar, DemBody] = {}
         self._kinds: tuple[tuple[Avatar, ...], SpecimenKinds] | None = None
@@ -87,26 +93,40 @@ class PreviewWork(QObject):
             "preview", tr("Making the preview"), work, lambda both: self.made.emit(*both), self.refused
         )
 
-    def sketch(self, named: Sequence[Named], plan: SpecimenPlan) -> None:
-        """Make a specimen of avatars to show its curve."""
-        chosen = _spread(named)
+    def sketch(self, chosen: ChosenAvatars, plan: SpecimenPlan) -> None:
+        """Make a specimen of avatars to show its curve: of all of them if they are measured, else of some."""
+        missing = unmeasured(chosen, self._known)
+        kinds = None if missing else kinds_of(chosen, self._known)
+        some = _spread(chosen.named)
 
         def work(control: Control) -> SpecimenSketch:
-            specimen = specimen_of(self._measured(chosen, control), plan)
-            return SpecimenSketch(plan, specimen, len(chosen), len(named))
+            if kinds is not None:
+                return SpecimenSketch(plan, specimen_of(kinds, plan), len(kinds.names), len(chosen))
+            specimen = specimen_of(self._measured(some, control), plan)
+            return SpecimenSketch(plan, specimen, len(some), len(chosen))
 
         title = tr("Making the specimen")
         self._submit("specimen", title, work, self.specimen_made.emit, self.specimen_refused)
 
-    def find_curve(self, named: Sequence[Named]) -> None:
-        """Find the sieve curve of the avatars themselves."""
-        chosen = _spread(named)
+    @property
+    def is_measuring(self) -> bool:
+        """Whether avatars are being measured."""
+        return self._measuring is not None and not self._measuring.is_over
 
-        def work(control: Control) -> SizeDistribution:
-            return _own_curve(self._measured(chosen, control))
-
-        title = tr("Making the avatars' sieve curve")
-        self._submit("curve", title, work, self.curve_made.emit, self.specimen_refused)
+    def measure(self, avatars: Sequence[Avatar]) -> Task | None:
+        """Measure avatars; what is done stays known if the rest is cancelled."""
+        if self.is_measuring or not avatars:
+            return None
+        task = Task(
+            tr("Measuring {count} avatars", count=len(avatars)),
+            lambda control: measure_sizes(avatars, self._known, control.progress),
+        )
+        task.succeeded.connect(lambda _: self.sizes_known.emit())
+        task.ended.connect(self.measuring_changed)
+        self._measuring = task
+        self._queue.submit(task)
+        self.measuring_changed.emit()
+        return task
 
     def drop(self, what: str) -> None:
         """Give up what is being made ("preview", "specimen")."""
@@ -172,16 +192,3 @@ def _spread(named: Sequence[Named]) -> list[Named]:
     if len(named) <= MOST_KINDS:
         return list(named)
     return [named[round(place)] for place in np.linspace(0, len(named) - 1, MOST_KINDS)]
-
-
-def _own_curve(kinds: SpecimenKinds) -> SizeDistribution:
-    """Return a target of a few points: the sizes that 0, 20, 50, 80 and 100 % of the mass is finer than."""
-    order = np.argsort(kinds.sizes, kind="stable")
-    sizes, mass = kinds.sizes[order], np.cumsum(kinds.volumes[order])
-    middles = 100 * (mass - 0.5 * kinds.volumes[order]) / mass[-1]
-    wanted = np.array([0.0, 20.0, 50.0, 80.0, 100.0])
-    found = np.exp(np.interp(wanted, middles, np.log(sizes)))
-    # One grain, or grains of one size, still have a curve: a steep one.
-    for place in range(1, len(found)):
-        found[place] = max(found[place], 1.02 * found[place - 1])
-    return SizeDistribution(found, wanted, kinds.unit)

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QHBoxLayout,
     QHeaderView,
+    QPushButton,
     QSpinBox,
     QTableWidget,
     QTableWidgetItem,
@@ -66,21 +67,27 @@ class CurvePlot(Plot):
             words.setText(words.text)
 
     def show_curves(self, wanted: SizeDistribution | None, found: SizeDistribution | None) -> None:
-        """Draw both curves in the unit of the wanted one."""
-        if wanted is None:
+        """Draw both curves in the unit of the wanted one, or that of the specimen where none is wanted."""
+        shown = wanted or found
+        if shown is None:
             self._wanted.setData([], [])
             self._found.setData([], [])
             return
-        self.set_names(tr("Size [{unit}]", unit=unit_label(wanted.unit)), tr("Finer by mass [%]"))
-        self._wanted.setData(wanted.sizes, wanted.finer)
-        self.setXRange(*np.log10(wanted.sizes[[0, -1]]), padding=0.06)
-        low, high = wanted.sizes[[0, -1]]
+        self.set_names(tr("Size [{unit}]", unit=unit_label(shown.unit)), tr("Finer by mass [%]"))
+        if wanted is None:
+            self._wanted.setData([], [])
+        else:
+            self._wanted.setData(wanted.sizes, wanted.finer)
+        low, high = shown.sizes[[0, -1]]
+        if low == high:  # of bodies of one size
+            low, high = 0.9 * low, 1.1 * high
+        self.setXRange(*np.log10([low, high]), padding=0.06)
         ends = [(float(np.log10(size)), f"{size:.3g}") for size in (low, np.sqrt(low * high), high)]
         self.getAxis("bottom").setTicks([ends])
         if found is None:
             self._found.setData([], [])
         else:
-            f = conversion_factor(found.unit, wanted.unit)
+            f = conversion_factor(found.unit, shown.unit)
             self._found.setData(np.append(found.sizes[0], found.sizes) * f, np.append(0.0, found.finer))
 
 
@@ -92,24 +99,30 @@ class SpecimenForm(QWidget):
     changed : signal
         Anything, the switch too.
     sizes_asked : signal
-        The curve of the avatars themselves.
+        The curve of the avatars themselves, for the table.
+    measuring_asked : signal
+        The sizes of the avatars that are not known yet.
     """
 
     changed = Signal()
     sizes_asked = Signal()
+    measuring_asked = Signal()
 
     def __init__(self, theme: Theme) -> None:
         super().__init__()
         self.switch = QCheckBox(tr("Fill a specimen"))
         self.switch.setToolTip(
             tr(
-                "Particles that follow a given sieve curve, made from the avatars: a table for every "
-                "target, and input decks that pour them for LIGGGHTS and LAMMPS"
+                "Particles made from the avatars, as they are or scaled to a sieve curve: a table for "
+                "every target, and input decks that pour them for LIGGGHTS and LAMMPS"
             )
         )
         self.count = QSpinBox()
         self.count.setRange(1, 1_000_000)
         self.count.setValue(500)
+        self.sizes = QComboBox()
+        self.sizes.addItem(tr("Of the avatars"), "own")
+        self.sizes.addItem(tr("By a curve, scaled"), "curve")
         self.unit = QComboBox()
         for unit in _UNITS:
             self.unit.addItem(unit_label(unit), unit)
@@ -126,32 +139,29 @@ class SpecimenForm(QWidget):
         self.table = self._make_table()
         self.plot = CurvePlot(theme)
         self.summary = label("", "hint", wrap=True)
+        self.measure_button = QPushButton(tr("Measure the avatars"))
+        self.measure_button.clicked.connect(self.measuring_asked)
+        self.measure_button.hide()
         self.refusal = label("", "refusal", wrap=True)
-        more, less, own = (quiet_button(text) for text in (tr("Add"), tr("Remove"), tr("As the avatars")))
-        more.setToolTip(tr("Add a row below"))
-        less.setToolTip(tr("Remove the row"))
-        own.setToolTip(tr("Use the sieve curve of the exported avatars"))
-        more.clicked.connect(self.add_row)
-        less.clicked.connect(self.remove_row)
-        own.clicked.connect(self.sizes_asked)
-        buttons = QHBoxLayout()
-        buttons.setSpacing(0)
-        for button in (more, less, own):
-            buttons.addWidget(button)
-        buttons.addStretch(1)
+        self._by_hand = self._make_curve()
         self._inside = QWidget()
         inside = QVBoxLayout(self._inside)
         inside.setContentsMargins(0, 0, 0, 0)
         inside.setSpacing(10)
+        inside.addWidget(row(tr("Particles"), self.count, tr("Avatars, each as often, randomly rotated")))
         inside.addWidget(
-            row(tr("Particles"), self.count, tr("Avatars, scaled to their sizes and randomly rotated"))
+            row(
+                tr("Sizes"),
+                self.sizes,
+                tr("Keep every avatar as large as it is, or scale the avatars to a sieve curve"),
+            )
         )
-        inside.addWidget(row(tr("Sizes in"), self.unit, tr("Unit of the curve and of the box width")))
-        inside.addWidget(self.table)
-        inside.addLayout(buttons)
+        inside.addWidget(row(tr("Unit"), self.unit, tr("Unit of the curve and of the box width")))
+        inside.addWidget(self._by_hand)
         inside.addWidget(self.refusal)
         inside.addWidget(self.plot)
         inside.addWidget(self.summary)
+        inside.addWidget(self.measure_button)
         inside.addWidget(
             row(
                 tr("Width of the box"),
@@ -167,9 +177,33 @@ class SpecimenForm(QWidget):
         self.switch.toggled.connect(self._inside.setVisible)
         self.switch.toggled.connect(lambda _: self.changed.emit())
         self.unit.currentIndexChanged.connect(lambda _: self._curve_changed())
+        self.sizes.currentIndexChanged.connect(lambda _: self._sizes_chosen())
         self.table.itemChanged.connect(lambda _: self._curve_changed())
         self._inside.hide()
         self.set_points([size for size, _ in _FIRST], [finer for _, finer in _FIRST], "mm")
+
+    def _make_curve(self) -> QWidget:
+        """Return the table of a curve with the buttons below it; hidden until avatars are to be scaled."""
+        more, less, own = (quiet_button(text) for text in (tr("Add"), tr("Remove"), tr("As the avatars")))
+        more.setToolTip(tr("Add a row below"))
+        less.setToolTip(tr("Remove the row"))
+        own.setToolTip(tr("Fill in the sieve curve of all avatars that are exported"))
+        more.clicked.connect(self.add_row)
+        less.clicked.connect(self.remove_row)
+        own.clicked.connect(self.sizes_asked)
+        buttons = QHBoxLayout()
+        buttons.setSpacing(0)
+        for button in (more, less, own):
+            buttons.addWidget(button)
+        buttons.addStretch(1)
+        by_hand = QWidget()
+        layout = QVBoxLayout(by_hand)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(10)
+        layout.addWidget(self.table)
+        layout.addLayout(buttons)
+        by_hand.hide()
+        return by_hand
 
     def _make_table(self) -> QTableWidget:
         table = QTableWidget(0, 2)
@@ -215,7 +249,27 @@ class SpecimenForm(QWidget):
         if not self.is_wanted:
             return None
         width = self.width_field.value() or None
-        return SpecimenPlan(self.count.value(), self.curve(), self.seed.value(), width=width)
+        return SpecimenPlan(
+            self.count.value(),
+            self.curve() if self.is_scaled else None,
+            self.seed.value(),
+            width=width,
+            width_unit=self.chosen_unit,
+        )
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the avatars are scaled to the curve of the table."""
+        return self.sizes.currentData() == "curve"
+
+    @property
+    def chosen_unit(self) -> str:
+        """Unit of the curve and of the box width."""
+        return str(self.unit.currentData())
+
+    def scale(self, scaled: bool) -> None:
+        """Choose whether the avatars are scaled."""
+        self.sizes.setCurrentIndex(self.sizes.findData("curve" if scaled else "own"))
 
     def set_points(self, sizes: Sequence[float], finer: Sequence[float], unit: str) -> None:
         """Take over a curve."""
@@ -225,7 +279,7 @@ class SpecimenForm(QWidget):
         self.table.setRowCount(len(sizes))
         for place, pair in enumerate(zip(sizes, finer, strict=True)):
             for column, value in enumerate(pair):
-                self._write(place, column, f"{value:.4g}")
+                self._write(place, column, f"{value:.5g}")
         for field in (self.table, self.unit):
             field.blockSignals(False)
         self._curve_changed()
@@ -265,7 +319,19 @@ class SpecimenForm(QWidget):
         self.width_field.setSuffix(f" {unit}")
         self.changed.emit()
 
+    def _sizes_chosen(self) -> None:
+        self._by_hand.setVisible(self.is_scaled)
+        self.changed.emit()
+
     # ---- what came of it -----------------------------------------------------------------------
+
+    def offer_measuring(self, words: str) -> None:
+        """Say what measuring the avatars would take, with a button that does it; no words: nothing to do."""
+        self.measure_button.setVisible(bool(words))
+        if words:
+            self.plot.show_curves(None, None)
+            self.summary.setText(words)
+            self.summary.show()
 
     def refuse(self, words: str) -> None:
         """Say what is wrong with the curve; nothing hides it."""
@@ -275,7 +341,9 @@ class SpecimenForm(QWidget):
             self.plot.show_curves(None, None)
             self.summary.hide()
 
-    def show_result(self, wanted: SizeDistribution, found: SizeDistribution | None, words: str) -> None:
+    def show_result(
+        self, wanted: SizeDistribution | None, found: SizeDistribution | None, words: str
+    ) -> None:
         """Draw the wanted curve and the specimen's, with its numbers in words."""
         self.plot.show_curves(wanted, found)
         self.summary.setText(words)

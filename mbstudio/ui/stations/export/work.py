@@ -17,6 +17,7 @@ from mbstudio.ui.workers import Control, Task
 if TYPE_CHECKING:
     from mbstudio.core.imaging import FitResult
     from mbstudio.core.metaball import Avatar
+    from mbstudio.core.populations import Population
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
@@ -40,11 +41,14 @@ class ChosenAvatars:
         What they are.
     attachments : mapping of str to str
         Files that go with them.
+    factors : Population or None
+        Of the avatars, row by row, where they were measured when they were made.
     """
 
     named: tuple[tuple[str, Avatar], ...] = ()
     what: str = "avatar"
     attachments: Mapping[str, str] = field(default_factory=dict)
+    factors: Population | None = None
 
     def __len__(self) -> int:
         return len(self.named)
@@ -62,7 +66,8 @@ def chosen_clones(clones: Generation) -> ChosenAvatars:
         table = clones.factors.table().drop(columns=["warning", "not_measured"])
         table.insert(1, "name", list(clones.clones.names))
         attached["factors.csv"] = table.to_csv(index=False, lineterminator="\r\n")
-    return ChosenAvatars(tuple(zip(clones.clones.names, clones.avatars(), strict=True)), "clone", attached)
+    named = tuple(zip(clones.clones.names, clones.avatars(), strict=True))
+    return ChosenAvatars(named, "clone", attached, clones.factors)
 
 
 def chosen_kept(learner: StyleLearner, kept: Sequence[KeptGrain]) -> ChosenAvatars:

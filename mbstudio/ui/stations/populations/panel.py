@@ -24,6 +24,7 @@ from mbstudio.ui.widgets.comparison_table import (
 )
 from mbstudio.ui.widgets.factor_words import factor_label, factor_tip
 from mbstudio.ui.widgets.forms import label, primary_button, row
+from mbstudio.ui.widgets.numbers import readable_time
 from mbstudio.ui.workspace import Workspace
 
 _WIDE = 200  # pixels: names of factors are long
@@ -184,11 +185,9 @@ class PopulationPanel(Panel):
         if state.grains is None:
             text = tr("Find the grains first (station Grains).")
         elif work.run.is_running:
-            text = tr("Measuring … see the status bar for progress and to cancel.")
-        elif work.measured is None:
-            text = tr("Nothing has been measured yet.")
+            text = tr("Measuring … see the status bar for progress and to cancel; what is measured is kept.")
         elif not work.is_current:
-            text = tr("Out of date: the grains, avatars or settings have changed.")
+            text = self._what_is_left()
         elif chosen:
             listed = ", ".join(map(str, sorted(chosen)[:8])) + (" …" if len(chosen) > 8 else "")
             text = tr("{count} selected: grain {labels}.", count=len(chosen), labels=listed)
@@ -196,3 +195,25 @@ class PopulationPanel(Panel):
             text = tr("No grain is selected. Click or drag in a plot, the view or the table.")
         self._hint.setText(text)
         self.measure_button.setText(tr("Measure again") if work.measured is not None else tr("Measure"))
+
+    def _what_is_left(self) -> str:
+        """Say what measuring would take."""
+        left, count = self._work.bodies_left
+        if left == 0:
+            return tr("All {count} bodies are measured already: press the button to show them.", count=count)
+        time = readable_time(self._work.seconds_for(left))
+        if self._work.measured is not None:
+            return tr(
+                "Out of date. {left} of {count} bodies are still to be measured: about {time}.",
+                left=left,
+                count=count,
+                time=time,
+            )
+        if left < count:
+            return tr(
+                "{left} of {count} bodies are still to be measured: about {time}.",
+                left=left,
+                count=count,
+                time=time,
+            )
+        return tr("{count} grains and avatars are to be measured: about {time}.", count=count, time=time)

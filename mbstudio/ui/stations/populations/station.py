@@ -59,8 +59,8 @@ class PopulationStation(Station):
         self.studio.commands.bind(self.panel.report_button, "populations.report")
 
     def enter(self) -> None:
-        if self.studio.queue.running() is None and self.work.measured is None:
-            self.work.measure()
+        if self.studio.queue.running() is None:
+            self.work.measure_if_quick()
 
     def open_page(self, name: str) -> None:
         """Go to a plot."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -9,11 +10,18 @@ from typing import Any, Literal
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
+from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.metrics.measuring import AxisConvention
 from mbstudio.core.populations import Population
+from mbstudio.core.populations.measuring import (
+    FEWEST_FOR_PROCESSES,
+    Conventions,
+    Known,
+    unknown_bodies,
+)
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.core.project.measuring import ProjectPopulations, measure_project
+from mbstudio.core.project.measuring import ProjectPopulations, bodies_of, measure_project
 from mbstudio.ui.language import tr
 from mbstudio.ui.offers import Offers
 from mbstudio.ui.stations.run import Run
@@ -22,6 +30,11 @@ from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 Scope = Literal["fitted", "inside"]
+AT_ONCE = 1.0
+"""Seconds that measuring may take to begin without being asked for."""
+EACH, DETAIL = 0.45, 5.0
+"""Seconds of one core for a body before one was timed, and how many times as long its details take."""
+_STARTING = 1.5  # seconds until processes work
 KEPT = 4  # measured populations: as many as undo and another convention bring back soon
 
 
@@ -83,8 +96,11 @@ class PopulationWork(Work):
         self.asked = MeasureRequest()
         self.measured: Measured | None = None
         self._kept: list[Measured] = []
+        self._each = EACH
+        self._left: tuple[tuple[object, ...], tuple[int, int]] | None = None
         workspace.grains_changed.connect(self._grains_changed)
         workspace.fits_changed.connect(self._look_up)
+        workspace.project_replaced.connect(offers.known.clear)
         offers.compared_changed.connect(self.changed)
         self.changed.connect(lambda: offers.offer_populations(self.populations))
 
@@ -106,30 +122,73 @@ class PopulationWork(Work):
         self.asked = MeasureRequest(**{**vars(self.asked), **changes})
         self._look_up()
 
+    @property
+    def bodies_left(self) -> tuple[int, int]:
+        """How many bodies are still to be measured as asked, and of how many."""
+        state, asked = self.workspace.state, self.asked
+        key = (state.grains, state.fits, asked, len(self._offers.known))
+        if self._left is None or self._left[0] != key:
+            self._left = key, self._count_left(state, asked)
+        return self._left[1]
+
+    def _count_left(self, state: ProjectState, asked: MeasureRequest) -> tuple[int, int]:
+        groups = bodies_of(Project(state), _labels(state, asked))
+        unit = None if state.grains is None else state.grains.unit
+        conventions = Conventions(unit, asked.axes, None, asked.detail)
+        left = unknown_bodies(groups, conventions, self._offers.known)
+        return left, sum(len(group.makers) for group in groups)
+
+    def seconds_for(self, bodies: int) -> float:
+        """Return about how long measuring so many bodies takes, by what it took before."""
+        each = self._each * (DETAIL if self.asked.detail else 1.0)
+        cores = usable_cores() if bodies >= FEWEST_FOR_PROCESSES else 1
+        return each * bodies / cores + (_STARTING if cores > 1 else 0.0)
+
     # ---- measuring -----------------------------------------------------------------------------
+
+    def measure_if_quick(self) -> None:
+        """Measure what was not measured yet if that takes less than a second; else the person asks for it."""
+        if self.measured is None and self.seconds_for(self.bodies_left[0]) <= AT_ONCE:
+            self.measure()
 
     def measure(self) -> Task | None:
         """Measure as asked; None if there are no grains or it runs already."""
-        state, asked = self.workspace.state, self.asked
+        state, asked, known = self.workspace.state, self.asked, self._offers.known
         if state.grains is None or self.run.is_running:
             return None
-        task = Task(tr("Measuring populations"), lambda control: _measure(state, asked, control))
+        bodies = self.bodies_left[0]
+
+        def work(control: Control) -> Measured:
+            begun = time.monotonic()
+            measured = _measure(state, asked, control, known)
+            self._note_time(bodies, time.monotonic() - begun, asked.detail)
+            return measured
+
+        task = Task(tr("Measuring populations"), work)
         task.succeeded.connect(self._keep_populations)
         return self.run.start(task)
+
+    def _note_time(self, bodies: int, seconds: float, detail: bool) -> None:
+        """Learn from what measuring took."""
+        if bodies >= 4:
+            cores = usable_cores() if bodies >= FEWEST_FOR_PROCESSES else 1
+            worked = max(0.1, seconds - (_STARTING if cores > 1 else 0.0))
+            self._each = worked * cores / bodies / (DETAIL if detail else 1.0)
 
     def write_report(self, path: Path, sieves: SieveSeries = "iso") -> Task | None:
         """Write the report of ``mbstudio report``, measuring first where that is to be done."""
         state, asked = self.workspace.state, self.asked
         if state.grains is None or self.run.is_running:
             return None
-        known = self.measured if self.is_current else None
+        current = self.measured if self.is_current else None
+        known = self._offers.known
         name = self.workspace.project.path
 
         def work(control: Control) -> Measured:
             from mbstudio.scene.reports.population_report import write_report
 
-            measured = known or _measure(state, asked, control, 0.6)
-            begun = 0.0 if known else 0.6
+            measured = current or _measure(state, asked, control, known, 0.6)
+            begun = 0.0 if current else 0.6
             write_report(
                 path, Project(state, name), measured.found, sieves=sieves,
                 progress=lambda share, told: control.progress(begun + (1 - begun) * share, told),
@@ -167,15 +226,22 @@ class PopulationWork(Work):
         return same and measured.asked == self.asked
 
 
-def _measure(state: ProjectState, asked: MeasureRequest, control: Control, share: float = 1.0) -> Measured:
+def _labels(state: ProjectState, asked: MeasureRequest) -> list[int] | None:
+    """Return the grains that are asked for; None for those with an avatar."""
+    if asked.scope != "inside" or state.grains is None:
+        return None
+    labels: list[int] = np.union1d(state.grains.interior_labels, sorted(state.fits)).astype(int).tolist()
+    return labels
+
+
+def _measure(
+    state: ProjectState, asked: MeasureRequest, control: Control, known: Known, share: float = 1.0
+) -> Measured:
     # What compares distributions takes a second to load: here it does not halt the window.
     import scipy.stats  # noqa: F401
 
-    labels = None
-    if asked.scope == "inside" and state.grains is not None:
-        labels = np.union1d(state.grains.interior_labels, sorted(state.fits)).astype(int).tolist()
     found = measure_project(
-        Project(state), labels, axes=asked.axes, detail=asked.detail,
+        Project(state), _labels(state, asked), axes=asked.axes, detail=asked.detail, known=known,
         progress=lambda done, told: control.progress(share * done, told),
     )  # fmt: skip
     return Measured(asked, state, found)

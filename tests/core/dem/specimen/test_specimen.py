@@ -12,9 +12,11 @@ from scipy.spatial.transform import Rotation
 from mbstudio.core.dem import SpecimenPlan, export, target_curve, validate
 from mbstudio.core.dem.body import prepare_bodies
 from mbstudio.core.dem.specimen.placing import lattice, random_quaternions, scattered
-from mbstudio.core.dem.specimen.specimen import draw_sizes, in_classes, make_specimen
+from mbstudio.core.dem.specimen.specimen import SpecimenKinds, draw_sizes, in_classes, make_specimen
+from mbstudio.core.dem.specimen.specimen_files import describe_specimen
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball import Avatar
+from mbstudio.core.metrics.measuring import measure
 from mbstudio.core.populations.sieving import SizeDistribution
 from tests.core.dem.corruption import assert_refused
 from tests.core.dem.formats.test_lammps import run_deck as run_lammps
@@ -51,6 +53,45 @@ def test_a_gap_in_the_curve_stays_empty():
 @pytest.fixture(scope="module")
 def bodies(avatars):
     return prepare_bodies(avatars, ["a", "b", "c"], "mm", 2650)
+
+
+def test_without_a_curve_no_avatar_is_scaled(bodies):
+    specimen = make_specimen(bodies, SpecimenPlan(30, seed=3), "mm")
+    assert (specimen.scales == 1).all()
+    assert np.bincount(specimen.kinds).tolist() == [10, 10, 10]
+    own = np.array([measure(body.avatar).intermediate for body in bodies])
+    assert specimen.sizes == pytest.approx(own[specimen.kinds])
+    wide = make_specimen(bodies, SpecimenPlan(30, seed=3, width=0.05, width_unit="m"), "mm")
+    assert wide.half == pytest.approx(25)
+    assert describe_specimen(specimen, SpecimenPlan(30, seed=3))["wanted"] is None
+    assert describe_specimen(specimen, SpecimenPlan(30, seed=3))["scales"] == [1.0, 1.0]
+
+
+def test_the_avatars_own_curve_has_the_points_that_it_needs():
+    rng = np.random.default_rng(8)
+    sizes = np.exp(rng.normal(0, 0.4, 500))
+    axes = np.column_stack([1.3 * sizes, sizes, 0.7 * sizes])
+    kinds = SpecimenKinds.from_factors([f"a{i}" for i in range(500)], axes, sizes**3, "mm")
+    curve = kinds.curve()
+    assert 8 < len(curve.sizes) < 120
+    assert (np.diff(curve.sizes) > 0).all()
+    assert curve.finer[[0, -1]].tolist() == [0, 100]
+    assert curve.sizes[-1] == sizes.max()
+    order = np.argsort(sizes)
+    finer = 100 * np.cumsum(sizes[order] ** 3) / (sizes**3).sum()
+    told = np.interp(np.log(sizes[order]), np.log(curve.sizes), curve.finer)
+    assert np.abs(told - finer).max() <= 0.25
+    for percent in (10, 50, 60):
+        true = np.exp(np.interp(percent, finer, np.log(sizes[order])))
+        assert curve.diameter(percent) == pytest.approx(true, rel=0.01)
+    # It is a curve that a specimen can be scaled to.
+    target_curve(curve.sizes, curve.finer, curve.unit)
+
+
+def test_avatars_of_one_size_have_a_steep_curve():
+    one = SpecimenKinds.from_factors(["a", "b"], np.full((2, 3), 2.0), np.ones(2), "mm").curve()
+    assert one.finer.tolist() == [0, 100]
+    assert one.sizes == pytest.approx([1.96, 2.0])
 
 
 @pytest.mark.parametrize("count", [200, 2000])

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mbstudio.core.dem.preview import preview
+from mbstudio.core.grains import load_labels
 from mbstudio.core.imaging import fit
 from mbstudio.core.metaball import Avatar
+from mbstudio.core.populations.measuring import Conventions, Measurement
 from mbstudio.core.project import Project, ProjectState
 from tests.ui.conftest import PATIENCE
 
@@ -170,6 +173,7 @@ def test_a_specimen_meets_its_curve_and_is_written(exporting, tmp_path):
     form = panel.specimen
     assert form.plan() is None
     form.switch.setChecked(True)
+    form.scale(True)
     form.set_points([100, 200, 400], [0, 60, 100], "um")
     form.count.setValue(300)
     window.settle()
@@ -177,6 +181,7 @@ def test_a_specimen_meets_its_curve_and_is_written(exporting, tmp_path):
     wanted = np.interp(np.log(x[1:]), np.log([100, 200, 400]), [0, 60, 100])
     assert np.abs(y[1:] - wanted).max() < 4
     assert "D50" in form.summary.text()
+    assert "The avatars are scaled by" in form.summary.text()
     assert "box" in form.summary.text()
 
     choose_target(window, "lammps")
@@ -200,6 +205,7 @@ def test_a_curve_that_is_none_holds_the_export_back_and_says_why(exporting, tmp_
     panel.folder.setText(str(tmp_path / "out"))
     assert panel.is_ready
     form.switch.setChecked(True)
+    form.scale(True)
     form.set_points([100, 200], [0, 90], "um")
     window.settle()
     assert "everything passes" in form.refusal.text()
@@ -223,10 +229,85 @@ def test_a_curve_that_is_none_holds_the_export_back_and_says_why(exporting, tmp_
 def test_the_avatars_own_curve_can_be_taken(exporting):
     window, form = exporting, exporting.stations.export.panel.specimen
     form.switch.setChecked(True)
+    form.scale(True)
     form.sizes_asked.emit()
     window.settle()
     curve = form.curve()
     assert curve.unit == "um"
     # Intermediate axes of the two ellipsoids: about 180 and 200 µm.
-    assert curve.sizes[0] == pytest.approx(180, rel=0.06)
+    assert curve.sizes[1] == pytest.approx(180, rel=0.06)
     assert curve.sizes[-1] == pytest.approx(200, rel=0.08)
+
+
+def many_grains(count):
+    """A set of so many cubes, whose avatars alone matter."""
+    labels = np.zeros((4, 4, 4 * count), np.int32)
+    for label in range(1, count + 1):
+        labels[1:3, 1:3, 4 * label - 3 : 4 * label - 1] = label
+    return load_labels(labels, voxel_size="10 um")
+
+
+def measurement(size):
+    return Measurement(
+        {"longest": 1.5 * size, "intermediate": size, "shortest": 0.5 * size, "volume": size**3}
+    )
+
+
+def test_a_specimen_is_by_default_of_all_avatars_as_they_are(window, idle, qtbot, fitted):
+    """Of sixty avatars, from what was measured before, with nothing scaled."""
+    avatars = {label: Avatar([[0, 0, 0.0]], [float(label)], "um") for label in range(1, 61)}
+    fits = {label: replace(fitted[1], avatar=avatar) for label, avatar in avatars.items()}
+    window.workspace.replace_project(Project(ProjectState(grains=many_grains(60), fits=fits)))
+    known = window.studio.offers.known
+    sizes = np.exp(np.random.default_rng(4).normal(5, 0.3, 60))
+    for avatar, size in list(zip(avatars.values(), sizes, strict=True))[:-1]:
+        known[(avatar, Conventions("um", "obb", None, False))] = measurement(size)
+    window.enter("export")
+    link, form = window.stations.export.link, window.stations.export.panel.specimen
+    form.switch.setChecked(True)
+    assert form.plan().curve is None
+
+    def settle():
+        qtbot.waitUntil(lambda: not link.is_waiting, timeout=PATIENCE)
+        idle()
+
+    settle()  # one avatar takes less than a second: it is measured without being asked for
+    sizes[-1] = known[(avatars[60], Conventions("um", "obb", None, False))].factors["intermediate"]
+    settle()
+    form.count.setValue(60)
+    form.unit.setCurrentIndex(form.unit.findData("um"))
+    settle()
+    x, y = form.plot._found.getOriginalDataset()
+    assert np.sort(x[1:]) == pytest.approx(np.sort(sizes))
+    volume = np.append(
+        sizes[:-1] ** 3, known[(avatars[60], Conventions("um", "obb", None, False))].factors["volume"]
+    )
+    order = np.argsort(sizes)
+    assert y[1:] == pytest.approx(100 * np.cumsum(volume[order]) / volume.sum())
+    assert "No avatar is scaled." in form.summary.text()
+    assert f"D100 {sizes.max():.3g} µm" in form.summary.text()
+    # The table can take the same curve, with as many points as it needs.
+    form.scale(True)
+    form.sizes_asked.emit()
+    settle()
+    assert form.table.rowCount() > 10
+    assert form.curve().sizes[-1] == pytest.approx(sizes.max(), rel=1e-3)
+
+
+def test_measuring_many_avatars_waits_for_its_button_and_says_how_long(window, idle, qtbot, fitted):
+    fits = {label: replace(fitted[1], avatar=Avatar([[0, 0, 0.0]], [9.0], "um")) for label in range(1, 301)}
+    window.workspace.replace_project(Project(ProjectState(grains=many_grains(300), fits=fits)))
+    window.enter("export")
+    link, form = window.stations.export.link, window.stations.export.panel.specimen
+    form.switch.setChecked(True)
+    qtbot.waitUntil(lambda: not link.is_waiting, timeout=PATIENCE)
+    assert not link.work.is_measuring
+    assert form.measure_button.isVisibleTo(form)
+    assert "300 of 300 avatars are not measured yet: about " in form.summary.text()
+    form.measure_button.click()
+    qtbot.waitUntil(lambda: len(window.studio.offers.known) >= 2, timeout=PATIENCE)
+    assert window.commands.run("work.cancel")
+    idle()
+    done = len(window.studio.offers.known)
+    qtbot.waitUntil(lambda: not link.is_waiting, timeout=PATIENCE)
+    assert f"{300 - done} of 300 avatars" in form.summary.text()

@@ -86,6 +86,10 @@ def drag(plot, *places):
 def test_populations_are_measured_and_appear_with_their_numbers(opened, idle):
     window = opened
     window.enter("populations")
+    assert not window.stations.populations.work.run.is_running
+    hint = window.stations.populations.panel._hint
+    assert hint.text().startswith("5 grains and avatars are to be measured: about ")
+    assert window.commands.run("populations.measure")
     assert window.stations.populations.work.run.is_running
     assert "being measured" in window.stations.populations.dock.words.text()
     idle()
@@ -230,6 +234,41 @@ def test_measuring_is_cancelled(measured, idle, qtbot):
     assert task.state == "cancelled"
     assert not window.stations.populations.work.is_current
     assert window.stations.populations.panel.measure_button.isEnabled()
+
+
+def test_what_was_measured_before_it_was_cancelled_is_kept(opened, idle, qtbot):
+    window, work = opened, opened.stations.populations.work
+    known = window.studio.offers.known
+    window.enter("populations")
+    assert work.bodies_left == (5, 5)
+    work.measure()
+    qtbot.waitUntil(lambda: len(known) >= 1, timeout=PATIENCE)
+    window.commands.run("work.cancel")
+    idle()
+    done = dict(known)
+    assert done
+    if work.measured is None:  # unless all five were measured meanwhile
+        assert work.bodies_left == (5 - len(done), 5)
+        told = window.stations.populations.panel._hint.text()
+        assert told.startswith(f"{5 - len(done)} of 5 bodies are still to be measured: about ")
+    work.measure()
+    idle()
+    assert [len(population) for population in work.populations] == [3, 2]
+    assert all(known[key] is found for key, found in done.items())
+    # Another fit of one grain is all that is to be measured then; so little begins by itself.
+    window.workspace.change("Fit again", fits={**window.workspace.state.fits, 2: replace_fit(window)})
+    assert work.bodies_left == (1, 5)
+    work.measured = None
+    window.enter("grains")
+    window.enter("populations")
+    assert work.run.is_running
+    idle()
+    window.project_files.new_project()
+    assert not known
+
+
+def replace_fit(window):
+    return fit(window.workspace.state.grains.grain(2), 5)
 
 
 def test_clones_stand_beside_them_and_cannot_be_chosen(measured):

@@ -1,0 +1,1 @@
+"""A hand that does random things in the real window: begin in `driver`."""
