@@ -36,6 +36,9 @@ def _loads(library: str) -> bool:
 
 def _set_headless_environment() -> None:
     os.environ["MPLBACKEND"] = "Agg"
+    # scikit-learn sets these when it is first imported, which no test is to blame for.
+    os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")
+    os.environ.setdefault("KMP_INIT_AT_FORK", "FALSE")
     os.environ["PYVISTA_OFF_SCREEN"] = "true"
     # What scikit-learn sets for itself when a test first needs it.
     os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")

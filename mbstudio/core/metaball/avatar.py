@@ -16,6 +16,26 @@ if TYPE_CHECKING:
     import trimesh
 
 
+_LONGEST = 1e30
+_FARTHEST = 1e10  # from the origin, in radii of the sphere of all weights together
+
+
+def _require_lengths(name: str, centers: np.ndarray, weights: np.ndarray) -> None:
+    """Refuse lengths whose cubes, or whose rounding, would make numbers silently wrong."""
+    away, radius = float(np.abs(centers).max()), float(np.sqrt(weights.max()))
+    if max(away, radius) > _LONGEST or radius < 1 / _LONGEST:
+        raise AvatarError(
+            f"Avatar '{name}' has control points {away:.3g} from the origin and a largest k of "
+            f"{weights.max():.3g}: lengths, and roots of k, must be between {1 / _LONGEST:g} and "
+            f"{_LONGEST:g}. Check the unit."
+        )
+    if away > _FARTHEST * (thick := float(np.sqrt(weights.sum()))):
+        raise AvatarError(
+            f"Avatar '{name}' has control points {away:.3g} from the origin and is only about {thick:.3g} "
+            "thick: rounding would change its shape. Move them nearer to the origin and to each other."
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Avatar:
     """The solid ``f(x) >= 1`` of the metaball function ``f(x) = sum_i k_i / |x - x_i|**2``.
@@ -37,7 +57,9 @@ class Avatar:
     Raises
     ------
     AvatarError
-        If shapes disagree, values are not finite, or a weight is not positive.
+        If shapes disagree, values are not finite, a weight is not positive, or lengths are beyond what can be
+        computed with: larger than 1e30 or all smaller than 1e-30, or so far from the origin or from each
+        other that rounding leaves less than six digits of the body.
 
     References
     ----------
@@ -71,6 +93,7 @@ class Avatar:
             raise AvatarError(
                 f"Avatar '{self.name}' has a weight of {weights.min():g}: every k must be positive."
             )
+        _require_lengths(self.name, centers, weights)
         centers.flags.writeable = weights.flags.writeable = False
         object.__setattr__(self, "centers", centers)
         object.__setattr__(self, "weights", weights)
@@ -153,6 +176,8 @@ class Avatar:
         from mbstudio.core.metaball.surface import surface_mesh
 
         mesh = surface_mesh(self.control, cells)
+        if not len(mesh.faces):
+            raise AvatarError(f"Avatar '{self.name}' is too thin for {cells} cells: mesh it with more.")
         mesh.units = self.unit
         return mesh
 

@@ -9,7 +9,7 @@ fixed, so the result does not depend on the number of threads of the process.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+from jaxtyping import Bool, Float, Float32, Float64
 
 from mbstudio.core.compiled import SAFE_MATH, compiled
 from mbstudio.core.errors import AvatarError
@@ -17,6 +17,11 @@ from mbstudio.core.errors import AvatarError
 # An upper bound of f in single precision below this is one below 1 with certainty.
 _BOUND_IN_SINGLE = 0.999
 _BLOCK = 256
+# Control points further from a grid than so many of its lengths are drawn in, their share of f kept.
+_FAR = 1e6
+# In an upper bound no control point counts as nearer than that, and none as lighter than its square: so that
+# the cell that holds it is never taken for empty, in single precision either.
+_LEAST = 1e-18
 
 
 @compiled(fastmath=SAFE_MATH, error_model="numpy")
@@ -111,7 +116,7 @@ def _upper_bound_on_grid(
 ) -> None:
     """Bound f from above over the ball of `radius` about each node, in single precision."""
     nz, ny, nx = out.shape
-    one, least = np.float32(1.0), np.float32(1e-9)
+    one, least = np.float32(1.0), np.float32(_LEAST)
     xs = np.empty(nx, dtype=np.float32)
     for ix in range(nx):
         xs[ix] = origin[0] + ix * spacing[0]
@@ -155,6 +160,34 @@ def control_rows(
 ) -> Float64[np.ndarray, "4 n"]:
     """Return control points and weights as contiguous rows x, y, z, k, as the kernels take them."""
     return np.ascontiguousarray(np.vstack([np.asarray(centers, dtype=np.float64).T, weights]))
+
+
+def own_length(control: Float64[np.ndarray, "4 n"]) -> float:
+    """Return the power of two next below the size of a body: scaling by it changes no digit."""
+    size = max(float(np.ptp(control[:3], axis=1).max()), float(np.sqrt(control[3].max())))
+    return float(2.0 ** np.floor(np.log2(size)))
+
+
+def scale_control(control: Float64[np.ndarray, "4 n"], factor: float) -> Float64[np.ndarray, "4 n"]:
+    """Return control points with all lengths times `factor`, about the origin."""
+    scaled: np.ndarray = control * factor
+    scaled[3] *= factor
+    return scaled
+
+
+def _local_in_single(
+    control: Float64[np.ndarray, "4 n"], middle: Float64[np.ndarray, "3"], length: float
+) -> Float32[np.ndarray, "4 n"]:
+    """Return control points about `middle` in units of `length`, whose squares single precision can hold."""
+    local = control.copy()
+    local[:3] = (control[:3] - middle[:, None]) / length
+    local[3] = control[3] / length**2
+    away = np.sqrt((local[:3] ** 2).sum(axis=0))
+    if (far := away > _FAR).any():
+        draw_in = _FAR / away[far]
+        local[:3, far] *= draw_in
+        local[3, far] *= draw_in**2
+    return local.astype(np.float32)
 
 
 def as_points(points: np.ndarray) -> Float64[np.ndarray, "m 3"]:
@@ -216,13 +249,10 @@ def field_on_grid(
     middle = np.asarray(origin, dtype=np.float64) + 0.5 * (np.array(shape[::-1]) - 1) * spacing
     # One unit of length for the whole grid keeps squares far from the limits of float32.
     length = float(np.max(spacing * shape[::-1]))
-    local = control.copy()
-    local[:3] = (control[:3] - middle[:, None]) / length
-    local[3] = control[3] / length**2
     out = np.empty(shape, dtype=np.float32)
     _field_on_grid(
         ((np.asarray(origin) - middle) / length).astype(np.float32), (spacing / length).astype(np.float32),
-        local.astype(np.float32), out,
+        _local_in_single(control, middle, length), out,
     )  # fmt: skip
     if np.isnan(out).any():  # a node on two coinciding control points
         out[np.isnan(out)] = np.inf
@@ -243,20 +273,37 @@ def solid_bounds(
         low[axis] = -_outer_plane(-control[axis], control[3])
     if not rounds:
         return np.array([low, high])
+    low, high, _ = tighten_box(np.array([low, high]), control, rounds, cells)
+    return np.array([low, high])
+
+
+def tighten_box(
+    box: Float64[np.ndarray, "2 3"],
+    control: Float64[np.ndarray, "4 n"],
+    rounds: int,
+    cells: int,
+    margin: float = 1.0,
+) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Bool[np.ndarray, "Z Y X"]]:
+    """Cut away the outer layers of cells of a box that surely hold nothing of the solid, `rounds` times.
+
+    Returns the lowest and the highest corner of what is left, and which of its cells may hold something,
+    indexed [z, y, x]. Those that touch a control point do: f is infinite there.
+    """
+    low, high = box
     # About the middle and in units of the box, as in field_on_grid.
     middle, length = 0.5 * (low + high), float((high - low).max())
-    local = control / length
-    local[:3] -= middle[:, None] / length
-    local[3] /= length
-    low, high, single = (low - middle) / length, (high - middle) / length, local.astype(np.float32)
+    single = _local_in_single(control, middle, length)
+    single[3] = np.maximum(single[3], np.float32(1.01 * _LEAST**2))
+    low, high = (low - middle) / length, (high - middle) / length
     bound = np.empty((cells, cells, cells), dtype=np.float32)
     for _ in range(rounds):
         spacing = (high - low) / cells
-        radius = np.float32(0.5 * np.linalg.norm(spacing))
+        radius = np.float32(margin * 0.5 * np.linalg.norm(spacing))
         _upper_bound_on_grid(
             (low + 0.5 * spacing).astype(np.float32), spacing.astype(np.float32), radius, single, bound
         )
         full = bound >= _BOUND_IN_SINGLE
+        kept = [slice(None)] * 3
         for axis in range(3):
             other = tuple(dim for dim in range(3) if dim != 2 - axis)
             used = np.flatnonzero(full.any(axis=other))
@@ -264,4 +311,6 @@ def solid_bounds(
                 low[axis] + used[0] * spacing[axis],
                 low[axis] + (used[-1] + 1) * spacing[axis],
             )
-    return middle + length * np.array([low, high])
+            kept[2 - axis] = slice(used[0], used[-1] + 1)
+        full = full[tuple(kept)]
+    return middle + length * low, middle + length * high, full

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from mbstudio.core.compiled import compiled
-from mbstudio.core.metaball.field import field_at
+from mbstudio.core.metaball.field import field_at, own_length, scale_control
+from mbstudio.core.metaball.lines import group_root, nearest_link
 from mbstudio.core.metaball.signed_distance import closest_points, u_gradient_hessian
 from mbstudio.core.metaball.surface import sample_solid
-from mbstudio.core.metaball.topology import group_root, nearest_link
 
 _MARKED = 0.85
 """A waist counts as a neck if it is below this share of the thickness of the thinner part beside it."""
@@ -101,6 +101,9 @@ def smallest_neck(control: Float64[np.ndarray, "4 n"], cells: int = 48) -> float
     """
     import edt
 
+    # In lengths of its own: single precision squares them.
+    length = own_length(control)
+    control = scale_control(control, 1.0 / length)
     field, origin, spacing = sample_solid(control, cells)
     solid = field >= 1.0
     solid[[0, -1]] = solid[:, [0, -1]] = solid[:, :, [0, -1]] = False
@@ -125,7 +128,7 @@ def smallest_neck(control: Float64[np.ndarray, "4 n"], cells: int = 48) -> float
         found += [float(r) for r, (_, peak) in zip(radii, necks, strict=True) if r < peak]
     found += [float(r) for r in _below_the_grid(group, depth.shape, origin, spacing, control)]
     # Vector sums round differently, once in a long while, for the same numbers elsewhere in memory.
-    return float(f"{2.0 * min(found):.10g}")
+    return float(f"{2.0 * min(found) * length:.10g}")
 
 
 def _below_the_grid(

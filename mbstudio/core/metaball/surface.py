@@ -13,7 +13,14 @@ from jaxtyping import Float64
 
 from mbstudio.core.compiled import SAFE_MATH, compiled
 from mbstudio.core.errors import AvatarError
-from mbstudio.core.metaball.field import field_and_gradient_at, field_on_grid, solid_bounds
+from mbstudio.core.metaball.apart import solid_boxes
+from mbstudio.core.metaball.field import (
+    field_and_gradient_at,
+    field_on_grid,
+    own_length,
+    scale_control,
+    solid_bounds,
+)
 
 if TYPE_CHECKING:
     import trimesh
@@ -146,16 +153,31 @@ def sample_solid(
 def volume_and_area(
     control: Float64[np.ndarray, "4 n"], cells: int = 64, bounds: Float64[np.ndarray, "2 3"] | None = None
 ) -> tuple[float, float]:
-    """Return volume and surface area of f >= 1 by quadrature on a grid, `cells` on the longest side."""
-    return volume_and_area_on_grid(*sample_solid(control, cells, bounds), control)
+    """Return volume and surface area of f >= 1 by quadrature, `cells` on the longest side.
+
+    On one grid, within `bounds` where these are known; without them on one for each part that lies apart.
+    """
+    boxes = solid_boxes(control) if bounds is None else [bounds]
+    cells = cells_of_each(cells, len(boxes))
+    found = [volume_and_area_on_grid(*sample_solid(control, cells, box), control) for box in boxes]
+    return sum(volume for volume, _ in found), sum(area for _, area in found)
+
+
+def cells_of_each(cells: int, boxes: int) -> int:
+    """Return the cells along each of so many boxes which together are no more work than one with `cells`."""
+    return max(min(cells, 12), int(cells / np.cbrt(boxes)))
 
 
 def volume_and_area_on_grid(
     field: np.ndarray, origin: Float64[np.ndarray, "3"], spacing: float, control: Float64[np.ndarray, "4 n"]
 ) -> tuple[float, float]:
     """Return volume and surface area by quadrature on a grid that :func:`sample_solid` made of f."""
-    volume, area = _quadrature(1.0 / np.sqrt(field), origin, spacing, control)
-    return float(volume), float(area)
+    # In lengths of the body: what keeps divisions by nothing apart from small numbers is absolute.
+    length = float(2.0 ** np.floor(np.log2(spacing * max(field.shape))))
+    volume, area = _quadrature(
+        _u_of(field), origin / length, spacing / length, scale_control(control, 1.0 / length)
+    )
+    return float(volume) * length**3, float(area) * length**2
 
 
 def volume_and_area_of_thin(
@@ -170,12 +192,22 @@ def volume_and_area_of_thin(
     A sheet thinner than six cells would have its two faces smeared into each other, and its volume
     be wrong by up to ten percent; 2 V / A is the thickness of a sheet.
     """
-    low, high = solid_bounds(control) if bounds is None else bounds
-    volume, area = volume_and_area(control, cells, np.array([low, high]))
-    wanted = int(np.ceil(3 * area / max(volume, 1e-300) * float((high - low).max())))
-    if wanted <= cells:
-        return volume, area
-    return volume_and_area(control, min(wanted, finest), np.array([low, high]))
+    boxes = solid_boxes(control) if bounds is None else [bounds]
+    most, cells = cells_of_each(finest, len(boxes)), cells_of_each(cells, len(boxes))
+    found = []
+    for box in boxes:
+        volume, area = volume_and_area(control, cells, box)
+        # Where the grid misses the solid, it is not volume that tells.
+        across = 3 * area * float((box[1] - box[0]).max())
+        wanted = int(np.ceil(across / volume)) if across < most * volume else most
+        found.append((volume, area) if wanted <= cells else volume_and_area(control, wanted, box))
+    return sum(volume for volume, _ in found), sum(area for _, area in found)
+
+
+def _u_of(field: np.ndarray) -> np.ndarray:
+    """Return u of f; f beyond all reach is 0 in single precision, and u is then merely large."""
+    u: np.ndarray = 1.0 / np.sqrt(np.maximum(field, np.float32(1e-12)))
+    return u
 
 
 def mesh_area(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> float:
@@ -187,9 +219,9 @@ def mesh_area(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> float:
     from skimage.measure import marching_cubes
 
     field, _, spacing = sample_solid(control, cells)
-    with np.errstate(divide="ignore"):
-        distance = 1.0 / np.sqrt(field)
-    vertices, faces, _, _ = marching_cubes(distance, 1.0, gradient_direction="ascent")
+    if field.max() < 1.0:  # parts so far apart that the grid sees none of them
+        return volume_and_area(control, cells)[1]
+    vertices, faces, _, _ = marching_cubes(_u_of(field), 1.0, gradient_direction="ascent")
     # Single-precision corners tell no more than seven digits.
     return float(f"{spacing**2 * _triangle_area(vertices, faces):.7g}")
 
@@ -231,19 +263,34 @@ def surface_mesh(control: Float64[np.ndarray, "4 n"], cells: int = 64) -> trimes
         If `cells` is below 4.
     """
     import trimesh
-    from skimage.measure import marching_cubes
 
     if cells < 4:
         raise AvatarError(f"A mesh needs at least 4 cells, not {cells}.")
-    field, origin, spacing = sample_solid(control, cells)
-    with np.errstate(divide="ignore"):
-        distance = 1.0 / np.sqrt(field)
+    length = own_length(control)
+    control = scale_control(control, 1.0 / length)
+    boxes = solid_boxes(control)
+    parts = [_mesh_in(box, control, cells_of_each(cells, len(boxes))) for box in boxes]
+    first = np.cumsum([0, *(len(points) for points, _ in parts)])
+    points = np.concatenate([points for points, _ in parts])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first[:-1], strict=True)])
+    return trimesh.Trimesh(length * points, faces, process=False)
+
+
+def _mesh_in(
+    box: Float64[np.ndarray, "2 3"], control: Float64[np.ndarray, "4 n"], cells: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners and faces of the surface within a box; none where its parts are below the grid."""
+    from skimage.measure import marching_cubes
+
+    field, origin, spacing = sample_solid(control, cells, box)
+    if field.max() < 1.0:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
+    distance = _u_of(field)
     # A node exactly on the surface would collapse the triangles around it.
     distance[np.abs(distance - 1.0) < 1e-4] = np.float32(1.0 - 1e-4)
     vertices, faces, _, _ = marching_cubes(distance, 1.0, gradient_direction="ascent")
     points = origin + vertices[:, ::-1].astype(np.float64) * spacing
     points = project_to_surface(points, control, longest=0.4 * spacing)
-    mesh = trimesh.Trimesh(points, faces, process=False)
-    if mesh.volume < 0:
-        mesh.invert()
-    return mesh
+    a, b, c = ((points - origin)[faces[:, corner]] for corner in range(3))
+    outward = np.einsum("fi,fi->f", a, np.cross(b, c)).sum() >= 0
+    return points, faces if outward else faces[:, ::-1]

@@ -15,9 +15,12 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int
 
 from mbstudio.core.compiled import compiled
-from mbstudio.core.metaball.field import field_at, solid_bounds
-from mbstudio.core.metaball.surface import sample_solid
+from mbstudio.core.metaball.apart import solid_boxes
+from mbstudio.core.metaball.field import field_at, own_length, scale_control, solid_bounds
+from mbstudio.core.metaball.lines import join_by_lines
+from mbstudio.core.metaball.surface import sample_solid, volume_and_area
 
+_FEW_NODES, _MOST_BOXES = 64, 64
 _CELL_CORNERS = np.array([[c >> 2, c >> 1 & 1, c & 1] for c in range(8)])
 
 
@@ -32,7 +35,8 @@ class Topology:
     piece_of_point : int array, shape (n,)
         Number (0, 1, ...) of the piece that each control point lies in; 0 is the largest.
     volumes : float array, shape (pieces,)
-        Volume of each piece in the cube of the control points' unit, by counting nodes.
+        Volume of each piece in the cube of the control points' unit, by counting nodes; of pieces of few
+        nodes that lie apart, on a grid of their own.
     cells : int
         Grid cells along the longest side that decided.
     """
@@ -81,61 +85,6 @@ def genus_of_voxels(solid: Bool[np.ndarray, "Z Y X"]) -> int:
         With an empty layer all around.
     """
     return 1 - int(_euler_characteristic(~solid))
-
-
-@compiled()
-def group_root(parent: np.ndarray, i: int) -> int:
-    """Return the group of i in a disjoint-set forest, and shorten the way to it."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@compiled(error_model="numpy")
-def lowest_between(control: np.ndarray, a: int, b: int, samples: int, enough: float) -> float:
-    """Return the lowest f on the line between control points a and b; any value below `enough` does."""
-    lowest = np.inf
-    for step in range(1, samples):
-        t = step / samples
-        x = control[0, a] + t * (control[0, b] - control[0, a])
-        y = control[1, a] + t * (control[1, b] - control[1, a])
-        z = control[2, a] + t * (control[2, b] - control[2, a])
-        total = 0.0
-        for i in range(control.shape[1]):
-            dx, dy, dz = x - control[0, i], y - control[1, i], z - control[2, i]
-            total += control[3, i] / max(dx * dx + dy * dy + dz * dz, 1e-30)
-        lowest = min(lowest, total)
-        if lowest < enough:
-            return lowest
-    return lowest
-
-
-@compiled(error_model="numpy")
-def nearest_link(control: np.ndarray, piece: np.ndarray, samples: int) -> tuple[int, int, float]:
-    """Return the two control points of different pieces nearest to joined, and the lowest f between."""
-    best, at_a, at_b = -1.0, -1, -1
-    for a in range(control.shape[1]):
-        for b in range(a):
-            if piece[a] == piece[b]:
-                continue
-            lowest = lowest_between(control, a, b, samples, best)
-            if lowest > best:
-                best, at_a, at_b = lowest, a, b
-    return at_a, at_b, best
-
-
-@compiled()
-def join_by_lines(control: np.ndarray, parent: np.ndarray, samples: int) -> None:
-    """Join control points of different groups where the line between them stays in the solid."""
-    n = control.shape[1]
-    for a in range(n):
-        for b in range(a):
-            ra, rb = group_root(parent, a), group_root(parent, b)
-            if ra != rb and lowest_between(control, a, b, samples, 1.0) >= 1.0:
-                parent[max(ra, rb)] = min(ra, rb)
-    for a in range(n):
-        parent[a] = group_root(parent, a)
 
 
 def _groups(
@@ -193,6 +142,24 @@ def _genera(solid: np.ndarray, voids: int) -> tuple[int, int, int]:
     return pieces, by_faces, together + voids - int(_euler_characteristic(~solid))
 
 
+def _volumes_off_the_grid(
+    volumes: np.ndarray, nodes: np.ndarray, parent: np.ndarray, control: Float64[np.ndarray, "4 n"]
+) -> np.ndarray:
+    """Return the volume of each piece, that of pieces of few nodes on a grid of their own."""
+    volumes = volumes.copy()
+    boxes = solid_boxes(control)
+    for box in boxes if len(boxes) <= _MOST_BOXES else ():
+        within = np.flatnonzero(((box[0] <= control[:3].T) & (box[1] >= control[:3].T)).all(axis=1))
+        held = np.unique(parent[within])
+        if len(held) == 1 and nodes[held[0]] < _FEW_NODES:
+            volumes[held[0]] = max(volume_and_area(control, 32, box)[0], 0.0)
+    for root in np.flatnonzero(nodes < _FEW_NODES):
+        balls = control[3, parent == root]  # about each control point, its own is solid
+        if len(balls):
+            volumes[root] = max(volumes[root], 4.0 / 3.0 * np.pi * balls.max() ** 1.5)
+    return volumes
+
+
 def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int = 192) -> Topology:
     """Count pieces, voids and handles of f >= 1.
 
@@ -207,6 +174,9 @@ def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int =
         by a third beyond where handles are counted differently with nodes joined through faces only
         and through corners too.
     """
+    # In lengths of its own: what keeps divisions by nothing apart from small numbers is absolute.
+    length = own_length(control)
+    control = scale_control(control, 1.0 / length)
     bounds = solid_bounds(control)
     while True:
         field, origin, spacing = sample_solid(control, cells, bounds)
@@ -221,10 +191,20 @@ def topology(control: Float64[np.ndarray, "4 n"], cells: int = 64, finest: int =
         if plain or cells >= limit:
             break
         cells = min(limit, 2 * cells)
-    order = roots[np.argsort(-nodes[roots], kind="stable")]
+    volumes = nodes * spacing**3
+    if len(roots) > 1:
+        volumes = _volumes_off_the_grid(volumes, nodes, parent, control)
+    order = roots[np.argsort(-volumes[roots], kind="stable")]
     number = {int(root): index for index, root in enumerate(order)}
     return Topology(
         pieces=len(roots), voids=voids, genus=by_corners,
         piece_of_point=np.array([number[int(root)] for root in parent]),
-        volumes=nodes[order] * spacing**3, cells=cells,
+        volumes=volumes[order] * length**3, cells=cells,
     )  # fmt: skip
+
+
+def pieces_of(control: Float64[np.ndarray, "4 n"]) -> int:
+    """Return the number of pieces of f >= 1, at little cost where straight lines join all control points."""
+    parent = np.arange(control.shape[1])
+    join_by_lines(scale_control(control, 1.0 / own_length(control)), parent, 64)
+    return topology(control).pieces if parent.any() else 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -60,6 +60,24 @@ class MeasuredBody:
     unit: str
     surface: str
     warning: str = ""
+
+    @property
+    def own_length(self) -> float:
+        """The power of two next below its longest side: scaling by it changes no digit."""
+        return float(2.0 ** np.floor(np.log2(float(np.ptp(self.outline[0], axis=0).max()))))
+
+    def scaled(self, factor: float) -> MeasuredBody:
+        """Return the body with all lengths times `factor`."""
+        (vertices, faces), coarse = self.outline, self.coarse
+        return replace(
+            self,
+            volume=self.volume * factor**3,
+            area=self.area * factor**2,
+            outline=(vertices * factor, faces),
+            coarse=None if coarse is None else (coarse[0] * factor, coarse[1]),
+            second=self.second * factor**2,
+            centre=self.centre * factor,
+        )
 
 
 @one_thread()

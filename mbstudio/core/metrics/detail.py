@@ -15,7 +15,7 @@ from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, prepare_measure
 from mbstudio.core.metrics.curvature import roughness, roundness, smooth_body
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.harmonics import band_energies
-from mbstudio.core.metrics.shape_factors import DetailedFactors, scale_factors
+from mbstudio.core.metrics.shape_factors import DetailedFactors, factors_times, scale_factors
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
 from mbstudio.core.threads import one_thread
@@ -64,6 +64,18 @@ def convert_detail(measured: DetailedFactors, unit: str) -> DetailedFactors:
 @one_thread()
 def detailed_factors(body: MeasuredBody) -> DetailedFactors:
     """Return the detailed factors of a body from :func:`prepare_measured_body`."""
+    # In lengths of its own: some of what follows takes small numbers for none.
+    length = body.own_length
+    found = _factors_of(body.scaled(1.0 / length))
+    return replace(
+        found,
+        **factors_times(found, length),
+        inscribed_centre=_triple(length * np.array(found.inscribed_centre)),
+        enclosing_centre=_triple(length * np.array(found.enclosing_centre)),
+    )
+
+
+def _factors_of(body: MeasuredBody) -> DetailedFactors:
     vertices, faces = body.outline
     hull = convex_hull(vertices)
     dn = formulas.nominal_diameter(body.volume)

@@ -25,7 +25,7 @@ from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, VoxelSurface, p
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.projection import maximum_projection
-from mbstudio.core.metrics.shape_factors import ShapeFactors, scale_factors
+from mbstudio.core.metrics.shape_factors import ShapeFactors, factors_times, scale_factors
 from mbstudio.core.threads import one_thread
 from mbstudio.core.units import parse_unit
 
@@ -126,6 +126,15 @@ def core_factors(
     body: MeasuredBody, axes: AxisConvention = "obb", along: Float[np.ndarray, "3 3"] | None = None
 ) -> ShapeFactors:
     """Return the shape factors of a body from :func:`prepare_measured_body`."""
+    # In lengths of its own: some of what follows takes small numbers for none.
+    length = body.own_length
+    found = _factors_of(body.scaled(1.0 / length), axes, along)
+    return replace(found, **factors_times(found, length))
+
+
+def _factors_of(
+    body: MeasuredBody, axes: AxisConvention, along: Float[np.ndarray, "3 3"] | None
+) -> ShapeFactors:
     hull = convex_hull(body.outline[0])
     shortest, intermediate, longest = (float(length) for length in _axis_lengths(body, hull, axes, along))
     coarser = hull if body.coarse is None else convex_hull(body.coarse[0])

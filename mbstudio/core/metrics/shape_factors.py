@@ -154,7 +154,11 @@ CORE_FACTORS = FACTORS.core
 
 def scale_factors(record: ShapeFactors | DetailedFactors, unit: str, other: str) -> dict[str, Any]:
     """Return the lengths, areas and volumes of a record, which are in one unit, in another."""
-    scale = conversion_factor(unit, other)
+    return factors_times(record, conversion_factor(unit, other))
+
+
+def factors_times(record: ShapeFactors | DetailedFactors, scale: float) -> dict[str, Any]:
+    """Return the lengths, areas and volumes of a record with all lengths times `scale`."""
     return {
         field.name: getattr(record, field.name) * scale ** FACTORS[field.name].power
         for field in fields(record)

@@ -62,7 +62,10 @@ def enclosing_sphere(points: Float[np.ndarray, "m 3"]) -> Sphere:
         farthest = int(distances.argmax())
         if distances[farthest] <= sphere.radius * (1 + _OUTSIDE) or farthest in holding:
             return Sphere(sphere.centre, float(max(sphere.radius, distances[farthest])))
-        sphere, holding = _smallest_of_few(points, [*holding, farthest])
+        larger, holding = _smallest_of_few(points, [*holding, farthest])
+        if larger.radius <= sphere.radius:  # what is still outside is so by rounding
+            return Sphere(sphere.centre, float(distances[farthest]))
+        sphere = larger
     raise MeasureError("No smallest sphere around the body was found: its corners are not finite numbers.")
 
 

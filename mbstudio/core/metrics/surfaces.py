@@ -13,6 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.meshes.bodies import closed_body
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.metaball.field import own_length
+from mbstudio.core.metaball.topology import pieces_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -46,19 +48,26 @@ def avatar_surface(avatar: Avatar, cells: int = _COARSE_CELLS) -> NestedSurface:
     MeasureError
         If the avatar is in several pieces: shape factors are those of one body.
     """
+    _require_one_piece(avatar, pieces_of(avatar.control))
+    # In lengths of its own, so that squares and cubes stay within numbers.
+    length = own_length(avatar.control)
+    avatar = avatar.scaled(1.0 / length)
     mesh = avatar.mesh(cells=cells)
     faces = np.asarray(mesh.faces)
     size = float(np.ptp(mesh.vertices, axis=0).max())
     vertices = project_to_surface(avatar, np.asarray(mesh.vertices, dtype=float), size / cells)
-    pieces = outer_pieces(vertices, faces)
+    _require_one_piece(avatar, outer_pieces(vertices, faces))
+    middles, split = subdivide(vertices, faces)
+    fine = np.concatenate([vertices, project_to_surface(avatar, middles, size / cells)])
+    return NestedSurface((length * vertices, faces), (length * fine, split))
+
+
+def _require_one_piece(avatar: Avatar, pieces: int) -> None:
     if pieces != 1:
         raise MeasureError(
             f"Avatar '{avatar.name}' is in {pieces} pieces: shape factors are defined for one body. "
             "Fit it again with more control points."
         )
-    middles, split = subdivide(vertices, faces)
-    fine = np.concatenate([vertices, project_to_surface(avatar, middles, size / cells)])
-    return NestedSurface((vertices, faces), (fine, split))
 
 
 def project_to_surface(

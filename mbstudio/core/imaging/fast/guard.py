@@ -12,8 +12,9 @@ from mbstudio.core.imaging.fast.refine import Refinement
 from mbstudio.core.imaging.fast.relocation import without_the_least_useful
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import field_on_grid
+from mbstudio.core.metaball.lines import nearest_link
 from mbstudio.core.metaball.surface import volume_and_area_of_thin
-from mbstudio.core.metaball.topology import Topology, nearest_link, topology
+from mbstudio.core.metaball.topology import Topology, topology
 
 MOST_ROUNDS = 4
 ITERATIONS_PER_ROUND = 15

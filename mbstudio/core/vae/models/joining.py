@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from mbstudio.core.compiled import compiled
-from mbstudio.core.metaball.topology import join_by_lines, lowest_between, nearest_link, topology
+from mbstudio.core.metaball.lines import join_by_lines, lowest_between, nearest_link
+from mbstudio.core.metaball.topology import topology
 from mbstudio.core.vae.serialize.serialization import Serialization
 
 _SAMPLES = 64
