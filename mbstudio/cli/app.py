@@ -15,6 +15,7 @@ import mbstudio
 from mbstudio.cli import (
     console,
     doctor,
+    edit,
     export,
     figures,
     fit,
@@ -45,6 +46,7 @@ _COMMANDS: dict[ModuleType, Callable[..., None]] = {
     gui: gui.gui,
     tour: tour.tour,
     segment: segment.segment,
+    edit: edit.edit,
     fit: fit.fit,
     sweep: sweep.sweep,
     measure: measure.measure,
@@ -58,7 +60,7 @@ _COMMANDS: dict[ModuleType, Callable[..., None]] = {
 }
 for _module, _command in _COMMANDS.items():
     # Not from docstrings, which python -OO drops.
-    app.command(help=_module.HELP)(_command)
+    app.command(help=_module.HELP, cls=getattr(_module, "OrderedCommand", None))(_command)
 
 
 def _print_version(asked: bool) -> None:

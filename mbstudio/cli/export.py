@@ -154,7 +154,8 @@ def export(
         left_out = len(project.state.kept) - len(avatars)
     else:
         avatars = choose_avatars(project, select, source)
-        left_out = len(project.avatars) - len(avatars)
+        left_out = len(project.fits) - len(avatars)
+        _tell_changed(project, avatars)
     with console.progress("Exporting") as report:
         done = export_avatars(
             avatars,
@@ -186,6 +187,17 @@ def export(
         console.print_facts("Exported", facts)
 
 
+def _tell_changed(project: Project, avatars: list[Avatar]) -> None:
+    """Tell avatars of grains that have changed since they were fitted."""
+    taken = {id(avatar) for avatar in avatars}
+    changed = [label for label in project.state.changed_labels if id(project.fits[label].avatar) in taken]
+    if changed:
+        console.tell(
+            f"mbstudio: {len(changed)} grains have changed since they were fitted, such as grain "
+            f"{min(changed)}: fit the project again for avatars of what they are now."
+        )
+
+
 def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
     """Return the avatars that ``--select`` names.
 
@@ -199,16 +211,14 @@ def choose_avatars(project: Project, select: str, source: Path) -> list[Avatar]:
     if select == "all":
         return project.avatars
     if select == "valid":
-        chosen = [
-            project.fits[label].avatar for label in sorted(project.fits) if project.fits[label].verdict.valid
-        ]
+        chosen = [fit.avatar for fit in project.state.included_fits.values() if fit.verdict.valid]
         if not chosen:
             raise ExportError(
                 f"None of the {len(project.fits)} avatars of {source} is valid: "
                 "use --select all to export them anyway."
             )
         return chosen
-    labels = inputs.numbers_in(select, "--select") or []
+    labels = inputs.included_numbers(select, "--select", project.grains) or []
     missing = [label for label in labels if label not in project.fits]
     if missing:
         raise ExportError(

@@ -170,7 +170,7 @@ def fit(
         assert project.grains is not None
         wanted = FitSettings(n, method, seed, options, aims)  # type: ignore[arg-type]
         project.change("Fit settings", fit_settings=wanted)
-        asked = inputs.numbers_in(grains, "--grains")
+        asked = inputs.included_numbers(grains, "--grains", project.grains)
         chosen = choose_labels(project, asked, limit, refit)
         _tell_done(len(choose_labels(project, asked, None, True)), chosen, limit)
         embed = True if embed_scan else None
@@ -281,7 +281,9 @@ def choose_labels(project: Project, wanted: list[int] | None, limit: int | None,
         labels = [
             label
             for label in labels
-            if label not in project.fits or not _is_as_asked(project.fits[label], label, settings)
+            if label not in project.fits
+            or label in project.state.changed_labels
+            or not _is_as_asked(project.fits[label], label, settings)
         ]
     return labels[:limit]
 

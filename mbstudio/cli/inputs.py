@@ -214,6 +214,25 @@ def numbers_in(text: str | None, option: str) -> list[int] | None:
     return labels
 
 
+def included_numbers(text: str | None, option: str, grains: GrainSet | None) -> list[int] | None:
+    """Read labels as `numbers_in`, and refuse those of grains that were excluded by hand.
+
+    Raises
+    ------
+    MbstudioError
+        If one is excluded.
+    """
+    labels = numbers_in(text, option)
+    if labels is not None and grains is not None:
+        excluded = grains.excluded_labels.intersection(labels)
+        if excluded:
+            raise MbstudioError(
+                f"{option}: grain {min(excluded)} is excluded by hand: leave it out, or include it with "
+                f"'mbstudio edit ... --include {min(excluded)}'."
+            )
+    return labels
+
+
 def segmentation_options(
     splitting: float | None, smallest: int | None, threshold: str | None, dark: bool | None = None
 ) -> dict[str, Any]:

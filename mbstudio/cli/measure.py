@@ -165,9 +165,12 @@ def chosen_grains(source: Path, grains: str | None, limit: int | None) -> tuple[
     project = Project.open(source)
     if project.grains is None:
         raise MeasureError(f"{source} has no grains yet: find them with 'mbstudio segment' first.")
-    labels = inputs.numbers_in(grains, "--grains") or sorted(project.fits) or project.grains.interior_labels
+    labels = inputs.included_numbers(grains, "--grains", project.grains)
+    labels = labels or list(project.state.included_fits) or project.grains.interior_labels
     if not labels:
-        raise MeasureError(f"All grains of {source} are cut by the border: select some with --grains.")
+        raise MeasureError(
+            f"All grains of {source} are cut by the border or excluded: select some with --grains."
+        )
     return project, list(dict.fromkeys(labels))[:limit]
 
 

@@ -97,7 +97,7 @@ def sweep(
         found = inputs.grains_of_meshes(meshes, resolution, unit, cavities)
     else:
         found = _grains_of(inputs.one_input(sources), scan_options, settings, anyway)
-    labels = _labels(found, inputs.numbers_in(grains, "--grains"))[:limit]
+    labels = _labels(found, inputs.included_numbers(grains, "--grains", found))[:limit]
     cut_out = _cut_out(found, labels, options.get("cavities") != "keep")
     work = Sweep(cut_out, numbers, method, seed, done=done, **options)  # type: ignore[arg-type]
     begun = time.monotonic()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -54,6 +54,8 @@ class GrainSet(EditableGrains):
         How the grains were corrected by hand since they were found, the first first.
     last_label : int
         The highest number that a grain has ever had; the highest of the table by default.
+    stamps : mapping of int to object
+        Of grains that were corrected by hand: what tells this form of it from every other.
     """
 
     label_volume: LabelVolume
@@ -65,6 +67,7 @@ class GrainSet(EditableGrains):
     view: FieldOfView | None = None
     edits: tuple[Edit, ...] = ()
     last_label: int = 0
+    stamps: Mapping[int, object] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
         if isinstance(self.label_volume, np.ndarray):
@@ -120,6 +123,13 @@ class GrainSet(EditableGrains):
         if mesh is None or (fill_cavities and mesh.has_voids):
             return self.grain(label)
         return mesh.to_trimesh(self.unit)
+
+    def body_key(self, label: int) -> Hashable:
+        """Return what is equal for one grain in two grain sets if no edit between them has touched it."""
+        return (
+            self.label_volume.family, label, self.stamps.get(label), self.meshes.get(label), self.voxel_size,
+            self.origin,
+        )  # fmt: skip
 
     def name_of(self, label: int) -> str:
         """Return what a grain is called: by its file, or by its number."""

@@ -81,9 +81,9 @@ def bodies_of(project: Project, labels: Sequence[int] | None = None) -> list[Bod
     grains = project.grains
     if grains is None:
         return []
-    chosen = [int(label) for label in (labels or sorted(project.fits) or grains.interior_labels)]
+    chosen = [int(label) for label in (labels or project.state.included_fits or grains.interior_labels)]
     fitted = [label for label in chosen if label in project.fits]
-    keys = [(grains, label) for label in chosen]
+    keys = [grains.body_key(label) for label in chosen]
     groups = [Bodies("grains", "grains", chosen, grain_makers(grains, chosen), keys)]
     if fitted:
         avatars = [project.fits[label].avatar for label in fitted]

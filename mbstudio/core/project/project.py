@@ -185,8 +185,8 @@ class Project:
 
     @property
     def avatars(self) -> list[Avatar]:
-        """The avatar of every fit, by ascending label."""
-        return [self.fits[label].avatar for label in sorted(self.fits)]
+        """The avatar of every grain that is fitted and not excluded, by ascending label."""
+        return [fit.avatar for fit in self.state.included_fits.values()]
 
     @property
     def scan(self) -> Scan | None:

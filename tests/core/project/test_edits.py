@@ -131,7 +131,8 @@ def test_edits_come_back_from_a_file(project, tmp_path):
     with h5py.File(tmp_path / "sand.mbs") as file:
         assert file.attrs["schema"] == 6
     again = Project.open(tmp_path / "sand.mbs")
-    assert_same(replace(project.state, scan=None), replace(again.state, scan=None))
+    grains = replace(project.grains, stamps=again.grains.stamps)  # these tell forms apart in memory
+    assert_same(replace(project.state, scan=None, grains=grains), replace(again.state, scan=None))
     assert again.state.changed_labels == {1}
     assert again.edit_grains(Paint(centres=((5.5, 40, 10),), radius=4.0)).new == {6}  # 5 was given before
 

@@ -76,6 +76,7 @@ class EditableGrains:
     view: FieldOfView | None
     edits: tuple[Edit, ...]
     last_label: int
+    stamps: Mapping[int, object]
 
     def edit(self, edit: Edit, scan: Scan | None = None) -> EditOutcome[Self]:
         """Make one edit.
@@ -106,6 +107,8 @@ class EditableGrains:
             raise EditError(f"{edit.title}: no grain would be left. Find the grains anew instead.")
         table = bench.settled_table()
         new = frozenset(bench.changed - before)
+        stamps = {label: stamp for label, stamp in self.stamps.items() if label not in bench.gone}
+        stamps |= {label: object() for label in bench.changed}
         grains = replace(
             self,  # type: ignore[type-var]  # the grain set itself is the record
             label_volume=bench.volume,
@@ -114,6 +117,7 @@ class EditableGrains:
             edits=(*self.edits, done),
             last_label=max(self.last_label, *new, 0),
             verdict=self._verdict_after(table),
+            stamps=MappingProxyType(stamps),
         )
         return EditOutcome(
             grains, done, frozenset(bench.changed & before), frozenset(bench.gone), new, tuple(bench.notes)

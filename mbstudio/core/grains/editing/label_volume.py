@@ -28,13 +28,24 @@ class LabelVolume:
     ----------
     base : int array, shape (Z, Y, X)
         Made read-only; nobody may write to it any more.
+    blocks, family
+        Used by `written`.
+
+    Attributes
+    ----------
+    family : object
+        The same for all versions that were made of one volume by writing.
     """
 
     def __init__(
-        self, base: Int[np.ndarray, "Z Y X"], blocks: Mapping[tuple[int, int, int], np.ndarray] | None = None
+        self,
+        base: Int[np.ndarray, "Z Y X"],
+        blocks: Mapping[tuple[int, int, int], np.ndarray] | None = None,
+        family: object | None = None,
     ) -> None:
         base.flags.writeable = False
         self._base = base
+        self.family = family if family is not None else object()
         self._blocks = blocks if blocks is not None else MappingProxyType({})
         self._whole: weakref.ref[np.ndarray] | None = None
         self._kept: np.ndarray | None = None  # the whole, until another version is made of this one
@@ -123,9 +134,8 @@ class LabelVolume:
         self._kept = None
         highest = int(values.max(initial=0))
         if highest > np.iinfo(self.dtype).max:
-            return LabelVolume(self.whole().astype(np.int64 if highest >= 2**31 else np.int32)).written(
-                box, values
-            )
+            wider = np.int64 if highest >= 2**31 else np.int32
+            return LabelVolume(self.whole().astype(wider), family=self.family).written(box, values)
         differing = values != self.read(box)
         blocks = dict(self._blocks)
         for corner in _corners(box):
@@ -137,7 +147,7 @@ class LabelVolume:
             block[into] = values[of]
             block.flags.writeable = False
             blocks[corner] = block
-        return LabelVolume(self._base, MappingProxyType(blocks))
+        return LabelVolume(self._base, MappingProxyType(blocks), self.family)
 
     def _covering(self, box: Box) -> list[tuple[int, int, int]]:
         """Return the corners of this version's own blocks that reach into a box."""

@@ -129,14 +129,14 @@ class ExportPanel(Panel):
 
     def labels(self) -> list[int]:
         """Labels of the avatars that are to be written."""
-        fits = self._workspace.state.fits
+        fits = self._workspace.state.included_fits
         kind = self.selection.currentData()
         if kind in ("clones", "kept", "kept one"):
             return []
         if kind == "chosen":
             chosen = self._workspace.selected
             return [chosen] if chosen is not None and chosen in fits else []
-        return sorted(label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid)
+        return [label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid]
 
     def chosen(self) -> ChosenAvatars:
         """Return the avatars that are to be written, by the names of their files."""

@@ -240,10 +240,12 @@ class FitWork(Work):
         return {label: fit for label, fit in fits.items() if fit is not None}
 
     def unfitted(self) -> list[int]:
-        """Labels of the grains inside the scan that have no avatar yet."""
-        grains = self.workspace.state.grains
-        fits = self.workspace.state.fits
-        return [] if grains is None else [label for label in grains.interior_labels if label not in fits]
+        """Labels of the grains inside the scan that have no avatar yet, or have changed since."""
+        state = self.workspace.state
+        if state.grains is None:
+            return []
+        done = state.fits.keys() - state.changed_labels
+        return [label for label in state.grains.interior_labels if label not in done]
 
     def fit_all(self, labels: list[int] | None = None) -> Task | None:
         """Fit every grain inside the scan that has no avatar yet (or these), on all processors."""

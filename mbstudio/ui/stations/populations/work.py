@@ -230,7 +230,9 @@ def _labels(state: ProjectState, asked: MeasureRequest) -> list[int] | None:
     """Return the grains that are asked for; None for those with an avatar."""
     if asked.scope != "inside" or state.grains is None:
         return None
-    labels: list[int] = np.union1d(state.grains.interior_labels, sorted(state.fits)).astype(int).tolist()
+    labels: list[int] = (
+        np.union1d(state.grains.interior_labels, list(state.included_fits)).astype(int).tolist()
+    )
     return labels
 
 

@@ -152,11 +152,11 @@ class StyleWork(Work):
         """Return the labels of the grains or avatars that a source means."""
         state = self.workspace.state
         if source == "avatars":
-            return tuple(sorted(state.fits))
+            return tuple(state.included_fits)
         if state.grains is None:
             return ()
         if source == "chosen":
-            return tuple(sorted(self.workspace.chosen))
+            return tuple(sorted(self.workspace.chosen - state.grains.excluded_labels))
         return tuple(int(label) for label in state.grains.interior_labels) if source == "inside" else ()
 
     def new_labels(self, source: Source) -> tuple[int, ...]:

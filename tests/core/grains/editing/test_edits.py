@@ -490,6 +490,22 @@ def test_single_grains_are_cut_out_as_before(grains):
     assert shrunk.grain(3).voxel_count == int((shrunk.labels == 3).sum())
 
 
+def test_untouched_grains_are_known_again(grains):
+    """What was measured of a grain counts until an edit touches it; undone, it counts again."""
+    edited = grains.shrunk(3)
+    assert [edited.body_key(label) == grains.body_key(label) for label in (1, 2, 3, 4)] == [
+        True,
+        True,
+        False,
+        True,
+    ]
+    assert grains.shrunk(3).body_key(3) != edited.body_key(3)
+    assert edited.excluded([3]).body_key(3) == edited.body_key(3)
+    assert len({edited.grown(label).body_key(3) for label in (1, 2, 3)}) == 2
+    assert replace(grains, voxel_size=VoxelSize(1, 1, 1, "um")).body_key(1) != grains.body_key(1)
+    assert placed_grains().body_key(1) != grains.body_key(1)
+
+
 def test_failed_edits_change_nothing(grains):
     before = grains.labels.copy()
     for edit in (Delete(labels=(1, 2, 3, 4)), Merge(labels=(1, 3)), Shrink(labels=(1, 3), by=30.0)):
