@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.cli.going_on import keeping_results
 from mbstudio.cli.measure import require_table_output
 from mbstudio.core.errors import GenerationError
 
@@ -23,7 +24,8 @@ TABLE = "factors.csv"
 HELP = """Generate new valid grains whose factors are distributed like their parents', or as --where states.
 
 Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
-them. factors.csv holds the shape factors of all clones.
+them. factors.csv holds the shape factors of all clones. What is found on the way is kept beside the output
+until that is written, so that the same command goes on where it was ended.
 """
 
 
@@ -73,10 +75,13 @@ def generate(
     check_replaceable(folder, files_of_earlier_export, overwrite)
     learner = load_style_learner(style)
     processes = workers or usable_cores()
-    with console.progress("Generating") as tell:
-        found = generate_clones(learner, count, seed, targets=where, processes=processes, on_progress=tell)
-    _write(found, folder, unit, overwrite)
-    quality = None if report is None else _report(learner, found, report, style.name, processes)
+    with keeping_results(folder):
+        with console.progress("Generating") as tell:
+            found = generate_clones(
+                learner, count, seed, targets=where, processes=processes, on_progress=tell
+            )
+        _write(found, folder, unit, overwrite)
+        quality = None if report is None else _report(learner, found, report, style.name, processes)
     summary = _summary(found, folder, report, time.monotonic() - begun)
     if as_json:
         console.print_json(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +86,44 @@ def _has_same_grains(begun: Project, project: Project) -> bool:
     if begun.grains is None or project.grains is None:
         return False
     return begun.grains is project.grains or grains_digest(begun.grains) == grains_digest(project.grains)
+
+
+class Kept:
+    """Whether results stay though the output was written, because it is not the last word."""
+
+    stays = False
+
+
+@contextmanager
+def keeping_results(output: Path | None) -> Iterator[Kept]:
+    """Keep what processes find beside an output until it is written, and go on from what an earlier run left.
+
+    Parameters
+    ----------
+    output : Path or None
+        The file or folder that will be written; the results lie in `OUTPUT.unfinished`. None keeps nothing.
+    """
+    from mbstudio.core.batch.kept_answers import keeping_answers
+
+    how = Kept()
+    if output is None:
+        yield how
+        return
+    place = unfinished(output)
+    with keeping_answers(place) as answers:
+        if answers is not None and answers.found:
+            console.tell(f"mbstudio: going on with {answers.found} results of an earlier run ({place.name}).")
+        yield how
+        if answers is not None:
+            answers.stays = how.stays
+    if answers is not None and answers.trouble is not None:
+        console.tell(f"mbstudio: {place} could not be written to its end ({answers.trouble.strerror}).")
+
+
+def unfinished(output: Path) -> Path:
+    """Return where the results of an unfinished run lie."""
+    target = output.resolve()
+    return target.with_name(f"{target.name}.unfinished")
 
 
 class FinishedFits:

@@ -11,6 +11,7 @@ import typer
 
 from mbstudio.cli import console, inputs
 from mbstudio.cli.fit import INTERRUPTED, terminate_as_interrupt
+from mbstudio.cli.going_on import keeping_results
 from mbstudio.cli.measure import GrainsOption, LimitOption, chosen_grains
 from mbstudio.core.errors import MbstudioError, SerializationError, StyleError
 from mbstudio.core.vae.models.presets import PRESETS, find_preset
@@ -30,8 +31,9 @@ def _known_preset(name: str) -> str:
 HELP = """Train a style-learner on grains, from which 'mbstudio generate' makes new ones.
 
 Every grain is first fitted from one common template, so that control point i means the same in each.
-Then the style-learner is trained. When interrupted, the command saves the best state so far. With --on,
-preset and number of control points are those of the given style-learner; it does not forget its parents.
+Then the style-learner is trained. When interrupted, the command saves the best state so far; the same command
+goes on with the training, also after a kill. With --on, preset and number of control points are those of the
+given style-learner; it does not forget its parents.
 """
 
 
@@ -78,9 +80,7 @@ def learn(
 ) -> None:
     """Run ``mbstudio learn``; `HELP` says what it does."""
     from mbstudio.core.batch.processes import usable_cores
-    from mbstudio.core.vae.models.learning_on import learn_on
     from mbstudio.core.vae.models.style_learner import load_style_learner
-    from mbstudio.core.vae.models.training import StyleTraining
 
     begun = time.monotonic()
     if inputs.require_cavities(cavities) == "keep":
@@ -94,16 +94,16 @@ def learn(
             raise StyleError(f"--steps does not apply to preset '{chosen.name}': leave it out.")
         options["steps"] = steps
     template = None if known is None else known.template
-    parents = _parents(
-        sources, n, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
-    )
-    training: StyleTraining
-    if known is None:
-        training = StyleTraining(parents, preset, seed=seed, **options)
-    else:
-        training = learn_on(known, parents, seed=seed, **options)
-    learner, interrupted = _trained(training)
-    learner.save(folder)
+    with keeping_results(folder) as kept:
+        parents = _parents(
+            sources, n, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
+        )
+        training = _begin(parents, known, preset, seed, options, _checkpoint(folder))
+        learner, kept.stays = _trained(training)
+        learner.save(folder)
+    interrupted = kept.stays
+    if not interrupted:
+        _checkpoint(folder).unlink(missing_ok=True)
     summary = _summary(learner, folder, time.monotonic() - begun)
     if as_json:
         console.print_json({**summary, "notes": learner.card.notes, "interrupted": interrupted})
@@ -114,6 +114,41 @@ def learn(
     if interrupted:
         console.tell("mbstudio: interrupted: the best state so far was saved.")
         raise typer.Exit(INTERRUPTED)
+
+
+def _checkpoint(folder: Path) -> Path:
+    """Return where a training is kept until it has come to its end."""
+    target = folder.resolve()
+    return target.with_name(f"{target.name}.checkpoint")
+
+
+def _begin(
+    parents: Serialization, known: StyleLearner | None, preset: str, seed: int, options: dict[str, Any],
+    checkpoint: Path,
+) -> StyleTraining:  # fmt: skip
+    """Return a training, which goes on where it was ended before; that of a known style-learner is short."""
+    from mbstudio.core.vae.models.learning_on import learn_on
+    from mbstudio.core.vae.models.training import StyleTraining
+
+    if known is not None:
+        return learn_on(known, parents, seed=seed, **options)
+    training = StyleTraining(parents, preset, seed=seed, **options)
+    _go_on(training, checkpoint)
+    return training
+
+
+def _go_on(training: StyleTraining, checkpoint: Path) -> None:
+    """Keep a training from now on, and go on from where it was ended before."""
+    if not training.preset.in_steps:
+        return
+    try:
+        training.keep_at(checkpoint)
+    except StyleError:
+        console.tell(f"mbstudio: {checkpoint.name} is damaged or of another training, which begins anew.")
+        checkpoint.unlink()
+        training.keep_at(checkpoint)
+    if training.history:
+        console.tell(f"mbstudio: going on from step {training.history[-1].step} ({checkpoint.name}).")
 
 
 def _require_folder(folder: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.cli.going_on import keeping_results
 from mbstudio.cli.intervals import add_intervals, print_intervals, with_intervals
 from mbstudio.cli.measuring import (
     Row,
@@ -61,7 +62,8 @@ DetailOption = Annotated[
 HELP = """Measure the shape factors of a mesh, or of a project's grains and their avatars.
 
 In a project, the grains that have an avatar are measured together with it, with the relative error
-of each factor. If no grain has an avatar, all interior grains are measured.
+of each factor. If no grain has an avatar, all interior grains are measured. With --csv or --parquet, what
+is measured is kept beside the table until that is written: the same command goes on where it was ended.
 """
 
 
@@ -104,22 +106,24 @@ def measure(
         _refuse_intervals(intervals)
         how = {"axes": axes.value, "surface": surface.value, "detail": detail, "workers": workers}
         bodies = inputs.bodies_of_meshes(meshes, unit, cavities, grains, limit)
-        found = measure_meshes(meshes, bodies, unit, **how)
-        _write(table_of_meshes(found), csv_file, parquet_file)
+        with keeping_results(csv_file or parquet_file):
+            found = measure_meshes(meshes, bodies, unit, **how)
+            _write(table_of_meshes(found), csv_file, parquet_file)
         tell_meshes(found, as_json)
         return
     source = inputs.one_input(sources)
     project, labels = chosen_grains(source, grains, limit)
     _refuse_intervals(intervals and project.grains.meshes)
-    populations = measure_grains(
-        project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
-    )
-    rows, failures = rows_of(populations, project), failures_of(populations)
-    table = table_of(populations, project)
-    if intervals:
-        add_intervals(rows, project, axes=axes.value, surface=surface.value, detail=detail, unit=unit)
-        table = with_intervals(table, rows, populations.grains.unit)
-    _write(table, csv_file, parquet_file)
+    with keeping_results(csv_file or parquet_file):
+        populations = measure_grains(
+            project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
+        )
+        rows, failures = rows_of(populations, project), failures_of(populations)
+        table = table_of(populations, project)
+        if intervals:
+            add_intervals(rows, project, axes=axes.value, surface=surface.value, detail=detail, unit=unit)
+            table = with_intervals(table, rows, populations.grains.unit)
+        _write(table, csv_file, parquet_file)
     summary = summarise(rows)
     measured = [row for row in rows if "grain" in row]
     if as_json:

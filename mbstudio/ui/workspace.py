@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,6 +55,8 @@ class Workspace(QObject):
         Labels of all chosen grains, `selected` among them: brushing takes many at a time.
     clone : int or None
         The clone that is looked at, counted from 1.
+    spare_journal : callable
+        Returns where finished avatars are written that cannot lie beside the project's file; from any thread.
     """
 
     state_changed = Signal()
@@ -79,6 +81,7 @@ class Workspace(QObject):
         self.selected: int | None = None
         self.chosen: frozenset[int] = frozenset()
         self.clone: int | None = None
+        self.spare_journal: Callable[[], Path | None] = lambda: None
         self._scans: dict[ScanIdentity, Scan] = {}
         self._solid: tuple[GrainSet, Scan] | None = None
         self._seen = self.project.state
@@ -233,6 +236,29 @@ class Workspace(QObject):
             # Where nobody can write, nobody needs to be kept from it: a save will say why it fails.
             log.info("No lock: %s", str(error))
         return ""
+
+    def begin_journal(self, project: Project) -> str:
+        """Let avatars of a project be written as they are finished; from a worker.
+
+        Returns
+        -------
+        str
+            Why that cannot be, if it cannot.
+        """
+        try:
+            if not project.begin_journal():
+                project.begin_journal(self.spare_journal())
+        except (OSError, ProjectError) as error:
+            log.warning("No journal: %s", str(error))
+            return str(error)
+        return ""
+
+    def give_up_work(self) -> None:
+        """Remove what was finished and is not to be saved."""
+        try:
+            self.project.give_up_journal()
+        except ProjectError as error:
+            log.warning("%s", str(error))
 
     def merge(self, found: Project) -> Merge:
         """Bring in what the project's file holds by now, as one step of undo.

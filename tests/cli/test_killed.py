@@ -1,4 +1,4 @@
-"""`mbstudio fit` that is killed: what it reported as done is there, and the next one goes on."""
+"""Commands that are killed: what they reported as done is there, and the same command goes on."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ import signal
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
 from mbstudio.core.project import Project
+from mbstudio.core.vae.models.style_learner import load_style_learner
+from mbstudio.core.vae.models.training import learn
+from mbstudio.core.vae.serialize.serialization import save_serialization
+from tests.core.vae.boxes import boxes
 
 # Ends itself by a signal as soon as so many grains were kept.
 _PROGRAM = textwrap.dedent(
@@ -140,3 +145,92 @@ def test_a_scan_is_not_segmented_twice(mbstudio, fitted_project, small_scan_file
     other = [word if word != "14 um" else "15 um" for word in words]
     assert "before" not in mbstudio(*other, "--limit", 1).err
     assert Project.open(path).grains.voxel_size.x == 15
+
+
+# ---- measure, generate, learn ----------------------------------------------------------------------
+
+# Ends itself by a kill as soon as so many results were kept, or as many checkpoints written.
+_KEEPING = textwrap.dedent(
+    """
+    import os, signal, sys
+    from mbstudio.cli import main
+    from mbstudio.core.batch import kept_answers
+    from mbstudio.core.vae.models import training
+
+    what, after = sys.argv[1], int(sys.argv[2])
+    count = 0
+
+    def and_die(call):
+        def counted(*arguments):
+            global count
+            call(*arguments)
+            count += 1
+            if count == after:
+                os.kill(os.getpid(), signal.SIGKILL)
+        return counted
+
+    if what == "results":
+        kept_answers.KeptAnswers.keep = and_die(kept_answers.KeptAnswers.keep)
+    else:
+        training.write_checkpoint = and_die(training.write_checkpoint)
+    main(sys.argv[3:])
+    """
+)
+
+
+def killed_after(what, after, *words):
+    ran = subprocess.run(
+        [sys.executable, "-c", _KEEPING, what, str(after), *map(str, words)], capture_output=True, text=True
+    )
+    assert ran.returncode == -signal.SIGKILL, ran.stderr
+
+
+@needs_signals
+def test_measuring_goes_on_and_gives_the_same(mbstudio, fit):
+    words = ("measure", "stones", "--unit", "mm", "--workers", 1, "--csv")
+    assert mbstudio(*words, "at once.csv").code == 0
+    killed_after("results", 2, *words, "table.csv")
+    assert not Path("table.csv").exists()
+    ran = mbstudio(*words, "table.csv")
+    assert "going on with 2 results of an earlier run (table.csv.unfinished)." in ran.err
+    assert Path("table.csv").read_bytes() == Path("at once.csv").read_bytes()
+    assert not Path("table.csv.unfinished").exists()
+
+
+@needs_signals
+def test_generating_goes_on_and_gives_the_same(mbstudio, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    learn(boxes(20, np.random.default_rng(2)), preset="pca", seed=0).save(tmp_path / "style")
+    words = ("generate", "style", "--count", 6, "--seed", 3, "--workers", 1, "-o")
+    assert mbstudio(*words, "at once").code == 0
+    killed_after("results", 3, *words, "clones")
+    assert not Path("clones").exists()
+    ran = mbstudio(*words, "clones")
+    assert "going on with 3 results of an earlier run" in ran.err
+    whole, again = (
+        {path.name: path.read_bytes() for path in Path(folder).rglob("*.csv")}
+        for folder in ("at once", "clones")
+    )
+    assert whole == again
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["at once", "clones", "style"]
+
+
+@needs_signals
+def test_learning_goes_on_and_gives_the_same(mbstudio, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_serialization(boxes(20, np.random.default_rng(2)), tmp_path / "avatars.npz")
+    words = ("learn", "avatars.npz", "--steps", 40, "-o")
+    assert mbstudio(*words, "at once").code == 0
+    killed_after("checkpoints", 2, *words, "style")
+    assert not Path("style").exists()
+    ran = mbstudio(*words, "style")
+    assert "going on from step" in ran.err
+    at_once, style = load_style_learner(Path("at once")), load_style_learner(Path("style"))
+    np.testing.assert_array_equal(at_once.latents, style.latents)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["at once", "avatars.npz", "style"]
+    # A checkpoint of another training, and one that was damaged, are no beginning.
+    killed_after("checkpoints", 2, *words, "other", "--seed", 1)
+    checkpoint = Path("other.checkpoint")
+    ran = mbstudio(*words, "other")
+    assert "other.checkpoint is damaged or of another training, which begins anew." in ran.err
+    assert not checkpoint.exists()

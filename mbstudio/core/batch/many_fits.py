@@ -180,7 +180,11 @@ class _GrainFits(Job[int, BatchItem]):
         return BatchItem(label, None, str(error))
 
     def lose(self, label: int, code: int) -> BatchItem:
-        return BatchItem(label, None, f"Grain {label}: the process that fitted it ended with code {code}.")
+        told = (
+            f"Grain {label}: the process that fitted it ended with code {code}, also when it was tried "
+            "again: fit it with fewer processes, which need less memory."
+        )
+        return BatchItem(label, None, told)
 
 
 def _fit_or_explain(grain: Grain, how: _HowToFit, seed: int) -> FitResult | str:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Generic, TypeVar, cast
 
 from mbstudio.core import errors
+from mbstudio.core.batch.kept_answers import KeptAnswers, current_answers, question_of
 from mbstudio.core.batch.messages import Arrays, Head, Message, Report, receive, send
 from mbstudio.core.errors import MbstudioError
 
@@ -46,11 +47,19 @@ class Job(ABC, Generic[Task, Result]):
     ----------
     one_thread : bool
         Whether a process computes on one thread, as it should where there are several.
+    tries : int
+        How often a task is begun whose process is killed, each time by a fresh one: what killed the first
+        was often something else that needed the memory.
+    keeps_answers : bool
+        Whether an answer is all that the work yields, so that it can be kept for the next run
+        (:func:`~mbstudio.core.batch.kept_answers.keeping_answers`).
     complaints : Path or None
         The file for what processes print; None: where this program's errors go.
     """
 
     one_thread: ClassVar[bool] = True
+    tries: ClassVar[int] = 2
+    keeps_answers: ClassVar[bool] = True
     complaints: Path | None = None
 
     @abstractmethod
@@ -68,7 +77,7 @@ class Job(ABC, Generic[Task, Result]):
 
     @abstractmethod
     def lose(self, task: Task, code: int) -> Result:
-        """Return the result of a task whose process ended with this code, or raise what ends the batch."""
+        """Return the result of a task whose (last) process ended with this code, or raise what ends all."""
 
     def fail(self, task: Task, error: MbstudioError) -> Result:
         """Return the result of a task that could not be packed or done; by default the error ends all."""
@@ -91,6 +100,7 @@ class WorkerPool(Generic[Task, Result]):
 
     def __init__(self, job: Job[Task, Result], size: int) -> None:
         self._job, self._size = job, size
+        self._kept = current_answers() if job.keeps_answers else None
 
     def map(
         self,
@@ -129,20 +139,50 @@ class WorkerPool(Generic[Task, Result]):
             ten times a second; what it raises ends all.
         """
         if self._size == 0:
-            yield from _work_here(self._job, tasks)
+            yield from _work_here(self._job, tasks, self._kept)
             return
-        with closing(_Run(self._job, tasks, min(self._size, len(tasks)))) as run:
+        with closing(_Run(self._job, tasks, min(self._size, len(tasks)), self._kept)) as run:
             for _ in tasks:
                 yield run.wait(on_report)
 
 
-def _work_here(job: Job[Task, Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
+def _work_here(
+    job: Job[Task, Result], tasks: Sequence[Task], kept: KeptAnswers | None
+) -> Iterator[tuple[int, Result]]:
     for place, task in enumerate(tasks):
         try:
-            result = job.work_here(task)
+            if kept is None:
+                result = job.work_here(task)
+            else:
+                message = job.pack(task)
+                result = _answered(
+                    job,
+                    task,
+                    message,
+                    kept,
+                    lambda message: job.work(*message, lambda _share, _message: None),
+                )
         except MbstudioError as error:
             result = job.fail(task, error)
         yield place, result
+
+
+def _answered(
+    job: Job[Task, Result],
+    task: Task,
+    message: Message,
+    kept: KeptAnswers | None,
+    ask: Callable[[Message], Message],
+) -> Result:
+    """Return the result of a packed task, from an answer that is there or from whoever is asked."""
+    if kept is None:
+        return job.unpack(task, *ask(message))
+    question = question_of(type(job), message)
+    answer = kept.find(question)
+    if answer is None:
+        answer = ask(message)
+        kept.keep(question, answer)
+    return job.unpack(task, *answer)
 
 
 @dataclass(frozen=True)
@@ -156,8 +196,10 @@ class _Told:
 class _Run(Generic[Task, Result]):
     """Threads that each feed one process, and the queue of what comes back."""
 
-    def __init__(self, job: Job[Task, Result], tasks: Sequence[Task], size: int) -> None:
-        self._job = job
+    def __init__(
+        self, job: Job[Task, Result], tasks: Sequence[Task], size: int, kept: KeptAnswers | None
+    ) -> None:
+        self._job, self._kept = job, kept
         self._tasks = enumerate(tasks)
         self._back: queue.Queue[tuple[int, Result] | _Told | BaseException] = queue.Queue(maxsize=4 * size)
         self._stopped = threading.Event()
@@ -196,23 +238,31 @@ class _Run(Generic[Task, Result]):
 
     def _feed(self) -> None:
         child: Child | None = None
+
+        def ask(message: Message) -> Message:
+            nonlocal child
+            child = child or self._start_child()
+            return child.ask(message, self._tell)
+
         try:
             while (numbered := self._next_task()) is not None:
                 place, task = numbered
-                try:
-                    message = self._job.pack(task)
-                    child = child or self._start_child()
-                    if child is None:
-                        return
-                    result = self._job.unpack(task, *child.ask(message, self._tell))
-                except MbstudioError as error:
-                    result = self._job.fail(task, error)
-                except _Gone:
-                    code, child = self._retire(cast(Child, child)), None
-                    if self._stopped.is_set():
-                        return
-                    result = self._job.lose(task, code)
+                for tried in range(1, self._job.tries + 1):
+                    try:
+                        result = _answered(self._job, task, self._job.pack(task), self._kept, ask)
+                    except MbstudioError as error:
+                        result = self._job.fail(task, error)
+                    except _Gone:
+                        code, child = self._retire(cast(Child, child)), None
+                        if self._stopped.is_set():
+                            return
+                        if tried < self._job.tries:
+                            continue
+                        result = self._job.lose(task, code)
+                    break
                 self._hand_back((place, result))
+        except _Stopped:
+            return
         except BaseException as error:  # raised again where the results are collected
             self._hand_back(error)
         finally:
@@ -223,10 +273,10 @@ class _Run(Generic[Task, Result]):
         with self._lock:
             return None if self._stopped.is_set() else next(self._tasks, None)
 
-    def _start_child(self) -> Child | None:
+    def _start_child(self) -> Child:
         with self._lock:
             if self._stopped.is_set():
-                return None
+                raise _Stopped
             child = Child(type(self._job), self._job.one_thread, self._job.complaints)
             self._children.add(child)
             return child
@@ -247,6 +297,10 @@ class _Run(Generic[Task, Result]):
                 return
             except queue.Full:  # whoever collects is in no hurry: wait with it
                 continue
+
+
+class _Stopped(Exception):
+    """The results are no longer wanted."""
 
 
 class _Gone(Exception):

@@ -60,6 +60,8 @@ class _Segmentation(Job[Scan, GrainSet]):
     """In goes a scan, out come its grains; voxels and labels go through files in a folder."""
 
     one_thread = False
+    tries = 1  # it takes minutes, and would need as much memory again
+    keeps_answers = False  # the labels go through a file
     complaints: Path
 
     def __init__(self, settings: SegmentationSettings, folder: Path) -> None:

@@ -38,6 +38,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "kept": ("kept",),
 }
 _NOTE = "note.json"
+_JOURNAL = "avatars.journal"
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,11 @@ class Autosave:
             else:
                 found.discard()
 
+    @property
+    def journal(self) -> Path:
+        """Where avatars are written as they are finished, of a project whose file cannot have a journal."""
+        return self.folder / _JOURNAL
+
     # ---- writing -------------------------------------------------------------------------------
 
     def write(
@@ -170,13 +176,13 @@ class Autosave:
         except OSError as error:
             raise ProjectError(f"{self.folder} cannot be written ({error}): free some space.") from error
         self._written, self._parts = state, parts
-        self._remove_all_but({*parts.values(), _NOTE})
+        self._remove_all_but({*parts.values(), _NOTE, _JOURNAL})
 
     def clear(self) -> None:
         """Remove what was written: the project's file holds it all."""
         (self.folder / _NOTE).unlink(missing_ok=True)
         self._written, self._parts = None, {}
-        self._remove_all_but(set())
+        self._remove_all_but({_JOURNAL})
 
     def discard(self) -> None:
         """Remove everything and let go."""
@@ -207,7 +213,7 @@ class Autosave:
         return self._read_note()[0]
 
     def restore(self) -> Project:
-        """Return the project as it was written last: unsaved, with the path of its file.
+        """Return the project as it was written last, with what was finished since: unsaved, with its path.
 
         Raises
         ------
@@ -229,7 +235,10 @@ class Autosave:
         # A part that is not there is not written yet: the next write makes it.
         complete = parts.keys() == PARTS.keys()
         self._written, self._parts = (state, parts) if complete else (None, {})
-        return Project.recovered(state, note.path, scan, told.get("opened_as"))
+        project = Project.recovered(state, note.path, scan, told.get("opened_as"))
+        for place in (None, self.journal):
+            project.take_from_journal(place)
+        return project
 
     def _require_its_parts(self, parts: dict[str, str], digests: dict[str, str]) -> None:
         """Refuse parts that are not those which the note was written with."""

@@ -40,6 +40,7 @@ import numpy as np
 
 from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.imaging.steps import FitResult, Method
+from mbstudio.core.own_files import is_own, mark_of
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.grain_table import (
     PACKED,
@@ -50,7 +51,6 @@ from mbstudio.core.project.grain_table import (
     write_place,
 )
 from mbstudio.core.project.kept_table import read_kept, write_kept
-from mbstudio.core.project.own_files import is_own, mark_of
 from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.stored import ContentError, Stored, json_entries

@@ -1,6 +1,6 @@
 """Avatars that outlive their program before the project is saved: ``sand.mbs.journal`` beside ``sand.mbs``.
 
-Each finished avatar is a record of :mod:`mbstudio.core.project.journal_file`. The header ties the journal to
+Each finished avatar is a record of :mod:`mbstudio.core.journal_file`. The header ties the journal to
 the file that the work began from and to its grains, so that it is never brought into something else. The
 next opening of the project takes the avatars in; the next save removes those that the file holds by then.
 Only who holds the project's lock writes its journal.
@@ -22,8 +22,8 @@ import numpy as np
 
 from mbstudio.core.errors import JournalError, MbstudioError
 from mbstudio.core.imaging.steps import FitResult
+from mbstudio.core.journal_file import Contents, JournalWriter, read_journal
 from mbstudio.core.project.fit_table import pack_fit, unpack_fit
-from mbstudio.core.project.journal_file import Contents, JournalWriter, read_journal
 from mbstudio.core.project.stored import ContentError, json_entries
 from mbstudio.core.replacement import flush_folder, free_name
 from mbstudio.core.version import __version__
@@ -36,6 +36,8 @@ log = logging.getLogger(__name__)
 KIND = "finished avatars"
 _FILE = b"file "
 """Begins the record that names what the project's file is about to become; no avatar begins so."""
+_GONE = b"gone"
+"""Begins the record of a grain whose avatar was taken back."""
 SYNC_AFTER = 0.5
 """Seconds after which what was appended is flushed to the disk, together with what came meanwhile."""
 
@@ -136,6 +138,11 @@ def find_fits(path: Path) -> Found | None:
         if record.content.startswith(_FILE):
             files.add(record.content[len(_FILE) :].decode("ascii", "replace"))
             continue
+        if record.content.startswith(_GONE) and len(record.content) == len(_GONE) + 8:
+            label = int.from_bytes(record.content[len(_GONE) :], "little")
+            fits.pop(label, None)
+            labels[record.digest] = label
+            continue
         try:
             label, fit = unpack_fit(record.content)
         except (MbstudioError, ContentError) as error:
@@ -148,11 +155,20 @@ def find_fits(path: Path) -> Found | None:
 
 @dataclass(eq=False)
 class Entry:
-    """An avatar in a journal, and whether it came into the project: then a save decides on it."""
+    """An avatar in a journal (None: it was taken back), and whether it came into the project.
+
+    On what came into the project the next save decides.
+    """
 
     label: int
-    fit: FitResult
+    fit: FitResult | None
     entered: bool = False
+
+    def pack(self) -> bytes:
+        """Return it as a record holds it."""
+        if self.fit is None:
+            return _GONE + self.label.to_bytes(8, "little")
+        return pack_fit(self.label, self.fit)
 
 
 class FitJournal:
@@ -165,6 +181,8 @@ class FitJournal:
         What the avatars to come belong to.
     taken : mapping of int to FitResult
         What the project has taken out of the journal that lies there: it stays in it until it is saved.
+    left : mapping of int to FitResult
+        What else it holds: it stays in it for the next opening.
 
     Attributes
     ----------
@@ -178,12 +196,15 @@ class FitJournal:
         If the journal that lies there cannot be continued or moved.
     """
 
-    def __init__(self, path: Path, origin: Origin, taken: Mapping[int, FitResult]) -> None:
+    def __init__(
+        self, path: Path, origin: Origin, taken: Mapping[int, FitResult], left: Mapping[int, FitResult]
+    ) -> None:
         self.path, self.origin = path, origin
         self.trouble: OSError | None = None
         self._lock = threading.RLock()
         self._entries = [Entry(label, fit, entered=True) for label, fit in taken.items()]
-        self._latest = dict(taken)
+        self._entries += [Entry(label, fit) for label, fit in left.items()]
+        self._latest: dict[int, Entry] = {entry.label: entry for entry in self._entries}
         self._waiting: list[Entry] = []
         self._announced: list[str] = []
         self._timer: threading.Timer | None = None
@@ -193,7 +214,7 @@ class FitJournal:
 
     def _create(self) -> None:
         packed = [_FILE + file.encode("ascii") for file in self._announced]
-        packed += [pack_fit(entry.label, entry.fit) for entry in self._entries]
+        packed += [entry.pack() for entry in self._entries]
         self._writer = JournalWriter.create(self.path, self.origin.pack(), packed)
         self._waiting.clear()
 
@@ -205,24 +226,47 @@ class FitJournal:
         What cannot be written waits for the next one; :attr:`trouble` tells.
         """
         with self._lock:
-            if self._latest.get(label) is fit:
-                return
-            entry = Entry(label, fit)
-            self._entries.append(entry)
-            self._latest[label] = fit
-            self._waiting.append(entry)
-            self._write()
-            if self._timer is None:
-                self._timer = threading.Timer(SYNC_AFTER, self._sync_later)
-                self._timer.daemon = True
-                self._timer.start()
+            latest = self._latest.get(label)
+            if latest is None or latest.fit is not fit:
+                self._add([Entry(label, fit)])
 
     def enter(self, fits: Mapping[int, FitResult]) -> None:
         """Take note that these avatars have come into the project: the next save decides on them."""
         with self._lock:
             for entry in self._entries:
-                if fits.get(entry.label) is entry.fit:
+                if entry.fit is not None and fits.get(entry.label) is entry.fit:
                     entry.entered = True
+
+    def follow(self, fits: Mapping[int, FitResult], saved: Mapping[int, FitResult]) -> None:
+        """Write what undo, redo or a change has made of the avatars that had come into the project.
+
+        Parameters
+        ----------
+        fits : mapping of int to FitResult
+            Those of the project, by label.
+        saved : mapping of int to FitResult
+            Those that lie in its file.
+        """
+        with self._lock:
+            changed = []
+            for label, latest in self._latest.items():
+                fit = fits.get(label)
+                if latest.entered and fit is not latest.fit:
+                    in_file = fit is None or fit is saved.get(label)
+                    if latest.fit is not None or not in_file:
+                        changed.append(Entry(label, None if in_file else fit, entered=True))
+            if changed:
+                self._add(changed)
+
+    def _add(self, entries: list[Entry]) -> None:
+        self._entries += entries
+        self._waiting += entries
+        self._latest |= {entry.label: entry for entry in entries}
+        self._write()
+        if self._timer is None:
+            self._timer = threading.Timer(SYNC_AFTER, self._sync_later)
+            self._timer.daemon = True
+            self._timer.start()
 
     def sync(self) -> None:
         """Wait until all lies on the disk.
@@ -250,7 +294,7 @@ class FitJournal:
             self._create()
             return
         entry = self._waiting[0]
-        self._writer.append(pack_fit(entry.label, entry.fit))
+        self._writer.append(entry.pack())
         del self._waiting[0]
 
     def _try(self, step: Callable[[], object]) -> None:
@@ -307,7 +351,7 @@ class FitJournal:
         with self._lock:
             before, writer = self.path, self._writer
             self._entries = [entry for entry in self._entries if entry not in entered]
-            self._latest = {entry.label: entry.fit for entry in self._entries}
+            self._latest = {entry.label: entry for entry in self._entries}
             self._waiting = list(self._entries)
             self.path, self.origin, self._writer, self._announced = path, origin, None, []
             if writer is not None:
@@ -327,6 +371,7 @@ class FitJournal:
         OSError
             If it cannot be removed.
         """
+        self._stop_timer()
         self.settle(frozenset(self._entries), self.path, self.origin)
 
     def close(self) -> None:
@@ -337,11 +382,7 @@ class FitJournal:
         OSError
             If not all came to the disk.
         """
-        with self._lock:
-            timer, self._timer = self._timer, None
-        if timer is not None:
-            timer.cancel()
-            timer.join()
+        self._stop_timer()
         with self._lock:
             try:
                 self.sync()
@@ -349,6 +390,13 @@ class FitJournal:
                 if self._writer is not None:
                     self._writer.close()
                 self._writer = None
+
+    def _stop_timer(self) -> None:
+        with self._lock:
+            timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()
+            timer.join()
 
 
 def remove_durably(path: Path) -> None:

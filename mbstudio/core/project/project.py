@@ -18,20 +18,11 @@ from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
-from mbstudio.core.project.fit_journal import (
-    Entry,
-    FitJournal,
-    Origin,
-    find_fits,
-    grains_digest,
-    journal_path,
-    remove_durably,
-    set_aside,
-)
+from mbstudio.core.project.fit_journal import journal_path
 from mbstudio.core.project.history import History
 from mbstudio.core.project.lock import ProjectLock
 from mbstudio.core.project.merging import Merge, merge_states
-from mbstudio.core.project.recovery import Recovery, recover
+from mbstudio.core.project.project_journals import Entered, ProjectJournals
 from mbstudio.core.project.scan_reference import refer_to, reopen
 from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
@@ -69,8 +60,7 @@ class Project:
         self._opened_as: str | None = None
         self._lock: ProjectLock | None = None
         self._program = ""
-        self._journals: list[tuple[GrainSet, FitJournal]] = []
-        self._recovery: Recovery | None = None
+        self._journals = ProjectJournals()
         self._open_scans: dict[ScanIdentity, Scan] = {}
 
     @classmethod
@@ -107,7 +97,7 @@ class Project:
         project = cls(read_project(Path(path)), path)
         project._opened_as = found
         if journal:
-            project._take_from_journal()
+            project.take_from_journal()
         return project
 
     @classmethod
@@ -239,7 +229,7 @@ class Project:
 
     def add_fits(self, fits: Mapping[int, FitResult], title: str = "Fit avatars") -> ProjectState:
         """Add (or replace) fits by label."""
-        journal = self._journal_of(self.state.grains)
+        journal = self._journals.of(self.state.grains)
         if journal is not None:
             for label, fit in fits.items():
                 journal.keep(label, fit)
@@ -252,14 +242,31 @@ class Project:
 
     @property
     def brought_back(self) -> Mapping[int, FitResult]:
-        """Avatars that came in from a journal when the project was opened, by label."""
-        return {} if self._recovery is None else self._recovery.fits
+        """Avatars that came in from a journal, by label."""
+        return self._journals.brought_back
+
+    def take_from_journal(self, place: Path | None = None) -> None:
+        """Bring in avatars that were finished and not saved; a warning (:class:`ProjectWarning`) says so.
+
+        Parameters
+        ----------
+        place : Path, optional
+            The journal of work that has no file; by default the one beside the file.
+        """
+        if place is None:
+            if self.path is None:
+                return
+            found = self._journals.take(journal_path(self.path), self.state, self._opened_as or "")
+        else:
+            found = self._journals.take(place, self.state, "")
+        if found:
+            self._push(self.state.with_fits(found), "Bring back avatars")
 
     def begin_journal(self, place: Path | None = None) -> bool:
         """Write avatars to a journal from now on, as they are finished, until the project is saved.
 
         The journal lies beside the project's file, if this project holds it (:meth:`hold`) and the file has
-        the grains that there are now.
+        the grains that there are now. May be called from another thread.
 
         Parameters
         ----------
@@ -276,25 +283,15 @@ class Project:
         ProjectError
             If it cannot be written.
         """
-        grains = self.state.grains
-        if grains is None or self._journal_of(grains) is not None:
-            return grains is not None
-        origin = Origin("", "")
-        if self._has_file_with(grains):
+        state = self.state
+        if state.grains is None or self._journals.of(state.grains) is not None:
+            return state.grains is not None
+        if self._has_file_with(state.grains):
             assert self.path is not None
-            place, origin = journal_path(self.path), Origin(identify(self.path) or "", "")
-        if place is None:
-            return False
-        origin = replace(origin, grains=grains_digest(grains))
-        try:
-            taken = self._take_from_journal(origin) if origin.file else {}
-            for other in [entry for entry in self._journals if entry[1].path == place]:
-                other[1].discard()
-                self._journals.remove(other)
-            self._journals.append((grains, FitJournal(place, origin, taken)))
-        except OSError as error:
-            raise JournalError(f"{place} cannot be written ({error.strerror or error}).") from error
-        return True
+            self._journals.begin(journal_path(self.path), state, self._opened_as or "")
+        elif place is not None:
+            self._journals.begin(place, state, "")
+        return self._journals.of(state.grains) is not None
 
     def keep_finished(self, fits: Mapping[int, FitResult], grains: GrainSet | None = None) -> str:
         """Write avatars to the journal before :meth:`add_fits` brings them in; also from another thread.
@@ -310,7 +307,7 @@ class Project:
         str
             What keeps them from the disk, if something does; they are tried again with the next.
         """
-        journal = self._journal_of(self.state.grains if grains is None else grains)
+        journal = self._journals.of(self.state.grains if grains is None else grains)
         if journal is None:
             return ""
         for label, fit in fits.items():
@@ -327,16 +324,11 @@ class Project:
             If it cannot be removed.
         """
         try:
-            while self._journals:
-                self._journals[-1][1].discard()
-                self._journals.pop()
-            if self.path is not None and self.is_held:
-                self._drop_journal(self.path)
+            self._journals.discard()
+            held = self.path is not None and self._lock is not None and self._lock.covers(self.path)
+            self._journals.drop(journal_path(self.path) if self.path is not None and held else None)
         except OSError as error:
             raise JournalError(f"The journal of {self.path} cannot be removed ({error}).") from error
-
-    def _journal_of(self, grains: GrainSet | None) -> FitJournal | None:
-        return next((journal for of, journal in self._journals if of is grains), None)
 
     def _has_file_with(self, grains: GrainSet) -> bool:
         """Return whether this project holds a file, which has these grains."""
@@ -350,59 +342,17 @@ class Project:
             and identify(self.path) == self._opened_as
         )
 
-    def _take_from_journal(self, origin: Origin | None = None) -> Mapping[int, FitResult]:
-        """Bring in what the journal beside the file holds; return all that came from it since the opening.
-
-        With an origin, which is given under the lock, a journal of something else is set aside.
-        """
-        assert self.path is not None
-        place, before = journal_path(self.path), self._recovery
-        found = recover(place, self.state, self._opened_as or "")
-        if found is None:
-            return {}
-        if before is not None and (found.seen, found.foreign) == (before.seen, before.foreign):
-            found = before
-        else:
-            if found.fits:
-                self._push(self.state.with_fits(found.fits), "Bring back avatars")
-            if found.told:
-                warnings.warn(found.told, ProjectWarning, stacklevel=3)
-            self._recovery = found
-        if origin is not None and found.foreign:
-            other = set_aside(place)
-            warnings.warn(f"{place} lies in {other} now.", ProjectWarning, stacklevel=3)
-        return found.fits
-
-    def _settle_journals(self, target: Path, state: ProjectState, entered: list[frozenset[Entry]]) -> None:
+    def _settle_journals(self, target: Path, state: ProjectState, entered: Entered) -> None:
         """Remove from the journals what lies in the file that was saved."""
         try:
-            origin = Origin(self._opened_as or "", "")
-            for (grains, journal), come_in in zip(list(self._journals), entered, strict=True):
-                if grains is state.grains:
-                    of = replace(origin, grains=journal.origin.grains)
-                    journal.settle(come_in, journal_path(target), of)
-                else:
-                    journal.discard()
-                    self._journals.remove((grains, journal))
-            if not self._journals:
-                self._drop_journal(target)
+            self._journals.settle(target, state, self._opened_as or "", entered)
+            self._journals.drop(journal_path(target) if self._is_own(target) else None)
         except OSError as error:
             warnings.warn(
                 f"{target} was saved, but its journal could not be removed ({error.strerror or error}).",
                 ProjectWarning,
                 stacklevel=4,
             )
-
-    def _drop_journal(self, path: Path) -> None:
-        """Remove the journal beside a file if all that it holds was decided on when it was opened."""
-        if self._recovery is None or not self._is_own(path):
-            return
-        try:
-            found = find_fits(journal_path(path))
-        except JournalError:  # told when the project was opened: it stays for a person to look at
-            return
-        if found is not None and self._recovery.seen.issuperset(found.labels):
-            remove_durably(journal_path(path))
 
     def edit_grains(self, edit: Edit, title: str = "") -> EditOutcome[GrainSet]:
         """Correct grains by hand, as one change.
@@ -481,20 +431,17 @@ class Project:
     def undo(self) -> ProjectState:
         """Take the last change back; ProjectError if there is none."""
         self.history.undo()
-        self.changed.emit(self.state)
-        return self.state
+        return self._changed()
 
     def redo(self) -> ProjectState:
         """Make the change that was taken back last again; ProjectError if there is none."""
         self.history.redo()
-        self.changed.emit(self.state)
-        return self.state
+        return self._changed()
 
     def go_to(self, position: int) -> ProjectState:
         """Undo or redo until so many of the changes hold; ProjectError if there are not so many."""
         self.history.go_to(position)
-        self.changed.emit(self.state)
-        return self.state
+        return self._changed()
 
     def merge_with_file(self, title: str = "Merge with the file") -> Merge:
         """Bring in what another program has written into the file since it was opened, as one change.
@@ -553,7 +500,7 @@ class Project:
         if target is None:
             raise ProjectError("The project has no file yet: give a path to save, for example 'sand.mbs'.")
         # Before the state is: what comes in between stays in the journal, which does no harm.
-        entered = [journal.entered() for _, journal in self._journals]
+        entered = self._journals.entered()
         begun = state = self.state
         if state.scan is not None and embed_scan is not None:
             embedded = embed_scan or state.scan.path is None
@@ -579,9 +526,7 @@ class Project:
 
         def announce(file: str) -> None:
             announced.append(file)
-            for _, journal in self._journals:
-                if journal.path == journal_path(target):
-                    journal.announce(file)
+            self._journals.announce(target, file)
 
         try:
             write_project(target, state, scan.voxels if scan is not None else None, announce)
@@ -629,16 +574,7 @@ class Project:
         What a journal holds stays for the next opening.
         """
         self._open_scans.clear()
-        for _, journal in self._journals:
-            try:
-                journal.close()
-            except OSError as error:
-                warnings.warn(
-                    f"{journal.path} could not be written to its end ({error.strerror or error}).",
-                    ProjectWarning,
-                    stacklevel=2,
-                )
-        self._journals.clear()
+        self._journals.close()
         if self._lock is not None:
             self._lock.release()
             self._lock = None
@@ -653,5 +589,10 @@ class Project:
 
     def _push(self, state: ProjectState, title: str) -> ProjectState:
         self.history.push(state, title)
-        self.changed.emit(state)
-        return state
+        return self._changed()
+
+    def _changed(self) -> ProjectState:
+        """Let the journal and all others know of another state."""
+        self._journals.follow(self.state, self._saved_state)
+        self.changed.emit(self.state)
+        return self.state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mbstudio.core.errors import JournalError
@@ -25,6 +25,8 @@ class Recovery:
         The records that were decided on: taken in, there already, or behind those of the project.
     told : str
         What a person should know, in whole sentences; empty if there is nothing to tell.
+    has_file : bool
+        Whether the project has a file, beside which the journal lies.
     foreign : bool
         Whether it belongs to something else, or cannot be read: then nothing was decided on.
     """
@@ -33,6 +35,7 @@ class Recovery:
     seen: frozenset[bytes]
     told: str = ""
     foreign: bool = False
+    has_file: bool = False
 
 
 def recover(journal: Path, state: ProjectState, file: str) -> Recovery | None:
@@ -48,6 +51,11 @@ def recover(journal: Path, state: ProjectState, file: str) -> Recovery | None:
     file : str
         What tells the project's file from others; empty for work without one.
     """
+    found = _recover(journal, state, file)
+    return None if found is None else replace(found, has_file=bool(file))
+
+
+def _recover(journal: Path, state: ProjectState, file: str) -> Recovery | None:
     try:
         found = find_fits(journal)
     except JournalError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer, Signal
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave, Project, ProjectState
 from mbstudio.ui.language import tr
+from mbstudio.ui.shell.project_notes import told_of
 from mbstudio.ui.stations.registry import Stations
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Task, TaskQueue
@@ -43,6 +45,7 @@ class AutosaveWork(Work):
 
     found = Signal(object)
     restored = Signal(object)
+    _journal_begun = Signal()  # from a worker: the grains must be on the disk before avatars of them are
 
     def __init__(
         self,
@@ -55,6 +58,7 @@ class AutosaveWork(Work):
         super().__init__(workspace, queue, parent)
         self._settings, self._stations = settings, stations
         self._own: Autosave | None = None
+        self._making = threading.Lock()
         self._task: Task | None = None
         self._kept: ProjectState | None = None  # what was written last
         # The project with what is half done, and what it was joined from: the same is not written twice.
@@ -68,7 +72,10 @@ class AutosaveWork(Work):
         self._timer = QTimer(self)
         self._timer.setSingleShot(True)
         self._timer.timeout.connect(self.write_now)
+        workspace.spare_journal = self._spare_journal
         workspace.state_changed.connect(self._changed)
+        workspace.grains_changed.connect(self._grains_changed)
+        self._journal_begun.connect(self.write_now)
         for station in stations:
             station.arrived.connect(self._changed)
 
@@ -103,6 +110,14 @@ class AutosaveWork(Work):
         worth_it = state.scan is not None or state.grains is not None or state.style is not None
         return state if self.workspace.is_modified and worth_it else None
 
+    def _spare_journal(self) -> Path | None:
+        """Return where finished avatars are written that cannot lie beside the project's file."""
+        with self._making:
+            self._own = self._own or Autosave.begin(autosave_folder())
+            place = self._own.journal
+        self._journal_begun.emit()
+        return place
+
     def write_now(self) -> Task | None:
         """Write what is not in the project's file, unless it is written already."""
         self._timer.stop()
@@ -127,8 +142,8 @@ class AutosaveWork(Work):
                 assert own is not None
                 own.clear()
                 return
-            autosave = own or Autosave.begin(autosave_folder())
-            self._own = autosave  # here, so that a window that closes meanwhile removes it
+            with self._making:  # kept here, so that a window that closes meanwhile removes it
+                autosave = self._own = self._own or Autosave.begin(autosave_folder())
             autosave.write(state, path, scan.voxels if embedded and scan is not None else None, opened_as)
 
         self._task = Task(tr("Autosave"), work)
@@ -145,6 +160,11 @@ class AutosaveWork(Work):
             return
         wait = max(SETTLING if self.seconds > SETTLING else 0.0, self._last + self.seconds - time.monotonic())
         self._timer.start(round(1000 * wait))
+
+    def _grains_changed(self) -> None:
+        """Write the first grains at once: finding them took minutes."""
+        if self.workspace.state.grains is not None and (self._kept is None or self._kept.grains is None):
+            self.write_now()
 
     def _written(self, state: ProjectState | None) -> None:
         self._kept = state
@@ -195,9 +215,10 @@ class AutosaveWork(Work):
     def restore(self, autosave: Autosave) -> Task:
         """Bring the work of an ended program back, as an unsaved project."""
         task = Task(
-            tr("Restoring {project}", project=autosave.note.title), lambda control: autosave.restore()
+            tr("Restoring {project}", project=autosave.note.title),
+            lambda control: told_of(autosave.restore),
         )
-        task.succeeded.connect(lambda project: self._restored(autosave, project))
+        task.succeeded.connect(lambda restored: self._restored(autosave, *restored))
         task.ended.connect(self._end_restoring)
         self._is_restoring = True
         return self.queue.submit(task, lane=LANE)  # after a write that is under way
@@ -206,25 +227,23 @@ class AutosaveWork(Work):
         self._is_restoring = False
         self._changed()
 
-    def _restored(self, autosave: Autosave, project: Project) -> None:
+    def _restored(self, autosave: Autosave, project: Project, notes: tuple[str, ...]) -> None:
         note = autosave.note
         if autosave in self.leftovers:
             self.leftovers.remove(autosave)
         if self._own is not None:
             self._own.discard()
         # The folder goes on as this window's: until the next write it is the only copy.
-        self._own, self._kept = autosave, project.state
+        self._own, self._kept = autosave, None if project.brought_back else project.state
         self.workspace.replace_project(project)
         self.workspace.hold_project()
-        self.said.emit(
-            "success",
-            tr(
-                "Restored {project}: {grains} grains, {avatars} avatars. Save it to keep it.",
-                project=note.title,
-                grains=note.grains,
-                avatars=note.fits,
-            ),
+        told = tr(
+            "Restored {project}: {grains} grains, {avatars} avatars. Save it to keep it.",
+            project=note.title,
+            grains=note.grains,
+            avatars=len(project.fits),
         )
+        self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
         self.found.emit(list(self.leftovers))
         self.restored.emit(project)
 
@@ -238,6 +257,7 @@ class AutosaveWork(Work):
     def close(self) -> None:
         """End cleanly: what was worked on is saved or given up; what others left stays."""
         self._timer.stop()
+        self.workspace.give_up_work()
         if self._own is not None:
             self._own.discard()
             self._own = None

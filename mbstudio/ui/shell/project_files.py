@@ -128,6 +128,7 @@ class ProjectFiles(QObject):
             else:
                 self._work.save(path, after=then)
         elif answer == "discard" and then is not None:
+            self._space.give_up_work()
             then()
 
     def _ask_about(self, error: ProjectError, path: Path, after: Callable[[], object] | None) -> None:
@@ -146,4 +147,5 @@ class ProjectFiles(QObject):
         elif answer == "merge":
             self._work.merge(path, after)
         elif answer == "reload":
+            self._space.give_up_work()
             self._work.open(path)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import Signal
 
-from mbstudio.core.errors import ProjectChangedError, ProjectError, ProjectLockedError, ProjectWarning
+from mbstudio.core.errors import ProjectChangedError, ProjectError, ProjectLockedError
 from mbstudio.core.project import Project
 from mbstudio.ui.language import tr
+from mbstudio.ui.shell.project_notes import told_of
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Task
 
@@ -55,7 +55,7 @@ class ProjectWork(Work):
 
     def merge(self, path: Path, after: Callable[[], object] | None = None) -> Task:
         """Bring in what another program has written into the project's file, then save it."""
-        task = Task(tr("Opening {name}", name=path.name), lambda control: _opened(path))
+        task = Task(tr("Opening {name}", name=path.name), lambda control: _opened(path, journal=False))
         task.succeeded.connect(lambda opened: self._merge(opened[0], path, after))
         return self.queue.submit(task)
 
@@ -96,12 +96,9 @@ class ProjectWork(Work):
         self.said.emit("success", tr("Saved {name}.", name=path.name))
 
 
-def _opened(path: Path) -> tuple[Project, tuple[str, ...]]:
+def _opened(path: Path, *, journal: bool = True) -> tuple[Project, tuple[str, ...]]:
     """Return a project, and what the person should know about its file."""
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", ProjectWarning)
-        project = Project.open(path)
-    notes = tuple(str(one.message) for one in told if issubclass(one.category, ProjectWarning))
+    project, notes = told_of(lambda: Project.open(path, journal=journal))
     if project.state.clones is not None:
         # Clones are compared with grains at once; what compares takes a second to load.
         import scipy.stats  # noqa: F401

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import numpy as np
 
@@ -42,6 +43,41 @@ class SquareJob(Job):
         return f"ended with {code}"
 
 
+class OnceJob(SquareJob):
+    """Is not tried again, and says how often it was begun."""
+
+    tries = 1
+
+    def __init__(self):
+        self.packed = []
+
+    def pack(self, task):
+        self.packed.append(task)
+        return super().pack(task)
+
+
+class TwiceJob(OnceJob):
+    tries = 2
+
+
 class StrictJob(SquareJob):
     def fail(self, task, error):
         raise error
+
+
+class CountedJob(SquareJob):
+    """Writes down what was worked on, in whichever process."""
+
+    @staticmethod
+    def work(head, arrays, report):
+        with Path(os.environ["MBSTUDIO_TEST_COUNT"]).open("a", encoding="ascii") as count:
+            count.write(f"{head['number']}\n")
+        return SquareJob.work(head, arrays, report)
+
+    @staticmethod
+    def worked():
+        """Return what was worked on since this was asked last."""
+        count = Path(os.environ["MBSTUDIO_TEST_COUNT"])
+        found = [int(line) for line in count.read_text().split()] if count.exists() else []
+        count.unlink(missing_ok=True)
+        return found

@@ -132,19 +132,28 @@ def test_closing_ends_the_processes(grains: list[Grain]) -> None:
     assert not children() - before
 
 
-def test_a_dead_process_costs_its_grain_only(grains: list[Grain], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_grain_whose_process_is_killed_is_tried_again_once(
+    grains: list[Grain], monkeypatch: pytest.MonkeyPatch, times: int
+) -> None:
     ask, killed = pool.Child.ask, []
 
     def ask_or_die(self, message, on_report):
-        if message[0]["grain"]["label"] == 13:
-            killed.append(13)
+        if message[0]["grain"]["label"] == 13 and len(killed) < times:
+            killed.append(self)
             self.kill()
         return ask(self, message, on_report)
 
     monkeypatch.setattr(pool.Child, "ask", ask_or_die)
-    items = by_label(fit_many(grains, n=8, workers=1))
-    assert killed == [13]
-    assert "process" in items[13].error
+    items = by_label(fit_many(grains, n=8, seed=5, workers=1))
+    assert len(set(killed)) == times, "each time by a fresh process"
+    if times == 1:
+        alone = fit(grains[1], 8, seed=grain_seed(5, 13))
+        np.testing.assert_array_equal(items[13].result.avatar.weights, alone.avatar.weights)
+    else:
+        assert items[13].result is None
+        assert "Grain 13: the process that fitted it ended with code" in items[13].error
+        assert "also when it was tried again" in items[13].error
     assert all(items[label].result.verdict.valid for label in (3, 23, 33))
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from mbstudio.core.batch.pool import WorkerPool
 from mbstudio.core.errors import Cancelled, FitError
-from tests.core.batch.square_job import SquareJob, StrictJob
+from tests.core.batch.square_job import OnceJob, SquareJob, StrictJob, TwiceJob
 
 
 @pytest.mark.parametrize("size", [0, 1, 3])
@@ -26,6 +26,12 @@ def test_an_error_that_is_no_result_ends_the_batch(size):
 
 def test_a_lost_process_costs_its_task_only():
     assert WorkerPool(SquareJob(), 1).map([2, 666, 3]) == [4, "ended with 7", 9]
+
+
+def test_a_task_is_tried_as_often_as_its_job_says():
+    for job, begun in ((OnceJob(), [2, 666, 3]), (TwiceJob(), [2, 666, 666, 3])):
+        assert WorkerPool(job, 1).map([2, 666, 3]) == [4, "ended with 7", 9]
+        assert job.packed == begun
 
 
 def test_reports_come_to_the_calling_thread_and_can_end_the_work():

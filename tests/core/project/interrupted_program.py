@@ -124,11 +124,11 @@ def work(path: Path, done: Path, steps: Steps) -> None:
                 raise
         for label in labels:
             fit = fit_of(label, version)
-            if project._journals and not project.keep_finished({label: fit}):
+            if project._journals.of(project.grains) and not project.keep_finished({label: fit}):
                 os.write(report, f"{label} {version}\n".encode())
             project.add_fits({label: fit})
         under_way = {12: fit_of(12, version)}  # of a run over many, which adds them at its end
-        if project._journals and not project.keep_finished(under_way):
+        if project._journals.of(project.grains) and not project.keep_finished(under_way):
             os.write(report, f"12 {version}\n".encode())
         try:
             project.save()

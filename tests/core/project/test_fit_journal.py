@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from mbstudio.core.errors import JournalError, ProjectWarning
+from mbstudio.core.journal_file import JournalWriter
 from mbstudio.core.project import FitSettings, Project, fit_journal
 from mbstudio.core.project.file import write_project
 from mbstudio.core.project.fit_journal import find_fits, grains_digest, journal_path
 from mbstudio.core.project.fit_table import pack_fit, unpack_fit
-from mbstudio.core.project.journal_file import JournalWriter
 from mbstudio.core.project.stored import ContentError
 from tests.core.project.conftest import make_fit
 from tests.core.project.test_file import assert_same
@@ -397,7 +397,7 @@ def test_what_is_kept_is_flushed_to_the_disk_without_being_asked(path, rng, monk
     project.hold("a test")
     project.begin_journal()
     project.keep_finished({2: make_fit(2, 5, rng)})
-    timer = project._journals[0][1]._timer
+    timer = project._journals.of(project.grains)._timer
     if timer is not None:
         timer.join()
     assert flushed == [journal_path(path)]
@@ -410,3 +410,54 @@ def test_a_journal_moves_with_its_project(path, rng, tmp_path):
     for entry in (path, journal_path(path)):
         shutil.move(entry, tmp_path / "there" / entry.name)
     assert sorted(opened(tmp_path / "there" / "sand.mbs")[0].fits) == [2]
+
+
+# ---- undo ----------------------------------------------------------------------------------------
+
+
+def test_what_was_undone_does_not_come_back_after_a_kill(path, rng):
+    first, second = make_fit(2, 5, rng), make_fit(2, 6, rng)
+
+    def left_by(*steps):
+        journal_path(path).unlink(missing_ok=True)
+        project = Project.open(path)
+        project.hold("a test")
+        project.begin_journal()
+        for step in steps:
+            step(project)
+        project.close()
+        return opened(path)[0].fits
+
+    def add(fit):
+        return lambda project: project.add_fits({2: fit})
+
+    assert 2 not in left_by(add(first), Project.undo)
+    assert_same(first, left_by(add(first), add(second), Project.undo)[2])
+    assert_same(second, left_by(add(first), add(second), Project.undo, Project.redo)[2])
+    assert 2 not in left_by(add(first), lambda project: project.change("Remove", fits={}))
+    assert_same(second, left_by(add(first), Project.undo, add(second))[2])
+    # What is under way is no part of what was undone.
+    fits = left_by(add(first), lambda project: project.keep_finished({7: make_fit(7, 3, rng)}), Project.undo)
+    assert sorted(fits) == [7]
+
+
+def test_what_came_back_and_was_undone_is_not_brought_back_again(path, rng):
+    killed(path, {2: make_fit(2, 5, rng), 7: make_fit(7, 3, rng)})
+    project, _ = opened(path)
+    project.undo()
+    project.hold("a test")
+    project.begin_journal()
+    project.add_fits({7: make_fit(7, 4, rng)})
+    project.close()
+    assert sorted(opened(path)[0].fits) == [7]
+
+
+def test_what_others_wrote_between_opening_and_holding_stays_for_the_next_opening(path, rng):
+    project = Project.open(path)
+    killed(path, {2: make_fit(2, 5, rng)})
+    project.hold("a test")
+    project.begin_journal()
+    project.add_fits({7: make_fit(7, 3, rng)})
+    project.save()
+    project.close()
+    assert sorted(opened(path)[0].fits) == [2, 7]

@@ -13,8 +13,9 @@ import h5py
 import numpy as np
 import pytest
 
+from mbstudio.core import own_files
 from mbstudio.core.errors import ProjectError
-from mbstudio.core.project import ProjectState, own_files, stored_reading
+from mbstudio.core.project import ProjectState, stored_reading
 from mbstudio.core.project.file import read_project, write_project
 from mbstudio.core.sealing import seal_image
 from tests.core.project.contents import describe

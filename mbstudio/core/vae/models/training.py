@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Iterator
@@ -24,7 +25,8 @@ from mbstudio.core.vae.models.training_data import TrainingData
 from mbstudio.core.vae.models.training_step import Losses, TrainingStep
 from mbstudio.core.vae.serialize.serialization import Serialization
 
-FORMAT = 1
+FORMAT = 2
+_WITHOUT_DIGEST = 1
 _KIND = "mbstudio style-training"
 _NUMBERS = ("step", "steps", "reconstruction", "distribution", "weight", "loss", "held_out", "best")
 
@@ -74,10 +76,21 @@ class StyleTraining:
         record = chosen.options.make(options)
         data = TrainingData.from_parents(parents, record.held_out, seed)
         self._begin(chosen, seed, data, chosen.trainer(data, record, seed, choose_device(device)), options)
-        self._checkpoint = None if checkpoint is None else Path(checkpoint)
         self._checkpoint_every = max(1, int(checkpoint_every))
-        if self._checkpoint is not None and self._checkpoint.exists():
-            resume(self, self._checkpoint)
+        if checkpoint is not None:
+            self.keep_at(Path(checkpoint))
+
+    def keep_at(self, checkpoint: Path) -> None:
+        """Write a checkpoint there from now on; if one is there, go on from it.
+
+        Raises
+        ------
+        StyleError
+            If it is damaged, newer, or of another training; then nothing has changed.
+        """
+        if checkpoint.exists():
+            resume(self, checkpoint)
+        self._checkpoint = checkpoint
 
     def _begin(
         self, preset: StylePreset, seed: int, data: TrainingData, trainer: Trainer, options: dict[str, Any]
@@ -271,10 +284,9 @@ def write_checkpoint(training: StyleTraining, path: Path) -> None:
         "kind": _KIND, "format": FORMAT, "of": _identity(training), "best_row": training.best_row,
         "stopped": training.stopped, "notes": [step.note for step in training.history],
     }  # fmt: skip
-    content = save(
-        {name: np.array(array, order="C") for name, array in tensors.items()},  # keeps shape ()
-        metadata={"training": json.dumps(about)},
-    )
+    solid = {name: np.array(array, order="C") for name, array in tensors.items()}  # keeps shape ()
+    about["digest"] = _digest(about, solid)
+    content = save(solid, metadata={"training": json.dumps(about)})
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
@@ -283,6 +295,17 @@ def write_checkpoint(training: StyleTraining, path: Path) -> None:
         raise StyleError(
             f"The checkpoint {path} cannot be written: {error.strerror or error}. Choose another place."
         ) from error
+
+
+def _digest(about: dict[str, Any], tensors: dict[str, np.ndarray]) -> str:
+    """Return the SHA-256 of all that a checkpoint holds, but for the digest itself."""
+    told = {key: value for key, value in about.items() if key != "digest"}
+    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode("ascii"))
+    for name in sorted(tensors):
+        array = np.ascontiguousarray(tensors[name])
+        digest.update(json.dumps([name, array.dtype.str, list(tensors[name].shape)]).encode("ascii"))
+        digest.update(array.tobytes())
+    return digest.hexdigest()
 
 
 def resume(training: StyleTraining, path: Path) -> None:
@@ -357,4 +380,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise StyleError(
             f"{path} has format {about.get('format')}, from a newer mbstudio than this: update mbstudio."
         )
+    told = about.get("digest")
+    if told != _digest(about, tensors) and (told is not None or about["format"] > _WITHOUT_DIGEST):
+        raise StyleError(f"{path} is not what was written: it was damaged since. Delete it to begin anew.")
     return about, tensors

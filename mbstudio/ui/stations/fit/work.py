@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,9 +126,11 @@ class FitWork(Work):
         fitting = _Fitting(label, grain, settings.n, settings.target)
         self._fitting = fitting
         waits = self.shows_spheres and not settings.target
+        project = self.workspace.project
 
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
             control.report(-1.0 if settings.target else 0.0, tr("Preparing the grain"))
+            self.workspace.begin_journal(project)
             fitting.run = start_fit(
                 fitting.grain, settings.n, settings.method, settings.seed, target=settings.target or None,
                 **settings.options,
@@ -253,16 +255,23 @@ class FitWork(Work):
         wanted = self.unfitted() if labels is None else labels
         if grains is None or not wanted:
             return None
-        settings = self.workspace.state.fit_settings
+        settings, project = self.workspace.state.fit_settings, self.workspace.project
         arrived: list[Any] = []
+        trouble: list[str] = []
+
+        def keep(item: Any) -> None:
+            if item.result is not None and (told := project.keep_finished({item.label: item.result}, grains)):
+                trouble.append(told)
 
         def steps(control: Control) -> Iterator[tuple[int, Any]]:
             control.report(0.0, tr("Starting processes"))
+            if told := self.workspace.begin_journal(project):
+                trouble.append(told)
             items = fit_many(
                 grains, wanted, n=settings.n, method=settings.method, seed=settings.seed,
                 options=settings.options, target=settings.target or None,
             )  # fmt: skip
-            return _count(items, arrived)
+            return _count(items, arrived, keep)
 
         task = Task(
             tr("Fitting {count} grains", count=len(wanted)),
@@ -273,10 +282,20 @@ class FitWork(Work):
             ),
         )
         self._arrived = (grains, arrived)
-        task.reported.connect(lambda _: self.arrived.emit())
+        task.reported.connect(lambda _: self._tell_arrived(trouble))
         # What has arrived is kept also when the rest is cancelled or fails.
         task.ended.connect(lambda: self._take_many(grains, arrived))
         return self.all_run.start(task)
+
+    def _tell_arrived(self, trouble: list[str]) -> None:
+        """Announce what has arrived; say once what keeps it from the disk."""
+        if trouble and trouble[0]:
+            told = tr(
+                "{error} Avatars are kept in memory until it can be written: make room.", error=trouble[0]
+            )
+            self.said.emit("warning", told)
+            trouble[0] = ""
+        self.arrived.emit()
 
     def _take_many(self, grains: object, items: list[Any]) -> None:
         if self._arrived[1] is items:
@@ -313,10 +332,13 @@ def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Fin
     yield _Finished(fitting.run.result())
 
 
-def _count(items: Iterator[Any], arrived: list[Any]) -> Iterator[tuple[int, Any]]:
+def _count(
+    items: Iterator[Any], arrived: list[Any], keep: Callable[[Any], object]
+) -> Iterator[tuple[int, Any]]:
     """Number the items, keep each, and close the processes when this is closed."""
     try:
         for item in items:
+            keep(item)
             arrived.append(item)
             yield len(arrived), item
     finally:

@@ -7,9 +7,9 @@ import os
 
 import pytest
 
+from mbstudio.core import journal_file
 from mbstudio.core.errors import JournalError
-from mbstudio.core.project import journal_file
-from mbstudio.core.project.journal_file import JournalWriter, read_journal
+from mbstudio.core.journal_file import JournalWriter, read_journal
 
 
 @pytest.fixture

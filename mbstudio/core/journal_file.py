@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mbstudio.core.errors import JournalError
+from mbstudio.core.locking import try_lock
 from mbstudio.core.replacement import replacing
 
 _BEGIN = b"MetaBall Studio, journal 1\n"
@@ -238,6 +239,10 @@ class JournalWriter:
     def sync(self) -> None:
         """Wait until all that was appended lies on the disk; OSError if it does not get there."""
         os.fsync(self._stream.fileno())
+
+    def lock(self) -> bool | None:
+        """Lock the file against other programs until it is closed; returns what `try_lock` does."""
+        return try_lock(self._stream)
 
     def close(self) -> None:
         """Let go of the file."""

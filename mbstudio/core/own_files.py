@@ -29,7 +29,7 @@ def mark_of(digest: str) -> str:
 
 def is_own(digest: str, mark: str) -> bool:
     """Return whether a file with this seal was written by this person's mbstudio."""
-    return mark != NO_MARK and hmac.compare_digest(mark_of(digest), mark)
+    return mark != NO_MARK and hmac.compare_digest(mark_of(digest).encode(), mark.encode())
 
 
 @cache
