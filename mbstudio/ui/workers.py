@@ -64,6 +64,7 @@ class Control:
         self._begun = time.monotonic()
         self._paused_for = 0.0
         self._last_report = 0.0
+        self._farthest = -1.0
 
     @property
     def is_cancelled(self) -> bool:
@@ -89,7 +90,8 @@ class Control:
         return self._taken.is_set() and time.monotonic() - self._last_report >= PERIOD
 
     def report(self, fraction: float, message: str, steps: tuple[Any, ...] = (), view: Any = None) -> None:
-        """Send a report now."""
+        """Send a report now; what was done once stays done."""
+        fraction = self._farthest = max(self._farthest, fraction)
         self._taken.clear()
         self._last_report = time.monotonic()
         elapsed = self._last_report - self._begun - self._paused_for
@@ -139,6 +141,8 @@ class Task(QObject):
         self.state = "waiting"
         self.is_paused = False
         self.can_pause = fraction is not None
+        self.can_cancel = True
+        self.newest: Report | None = None
         self.handled: tuple[type[Exception], ...] = ()  # errors that its owner answers itself
         self._is_muted = False
         self._work = work
@@ -252,6 +256,7 @@ class Task(QObject):
         if kind == "report":
             try:
                 if not self._control.is_cancelled:
+                    self.newest = value
                     self.reported.emit(value)
             finally:
                 self._control._taken.set()
@@ -269,9 +274,9 @@ class Task(QObject):
 class TaskQueue(QObject):
     """Runs tasks one after another in each lane.
 
-    The lane ``work`` is what the person asked for and sees in the status bar; ``view`` builds
-    meshes. A task with a key replaces one with the same key that still waits: only the newest
-    picture is worth building.
+    The lane ``work`` is what the person asked for and sees in the status bar; ``saving`` goes on whatever
+    runs; ``view`` builds meshes. A task with a key replaces one with the same key that still waits: only the
+    newest picture is worth building.
     """
 
     started = Signal(object)

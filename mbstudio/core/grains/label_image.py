@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cc3d
 import numpy as np
 from jaxtyping import Bool, Int
 
@@ -22,6 +21,7 @@ from mbstudio.core.grains.label_numbers import (
 )
 from mbstudio.core.grains.label_placement import differs_in_size, lay_on_scan, require_no_better_order
 from mbstudio.core.grains.labelling import build_grain_set
+from mbstudio.core.grains.pieces import label_pieces
 from mbstudio.core.grains.segmentation import part_mask
 from mbstudio.core.grains.verdict import SegmentationVerdict
 from mbstudio.core.scan.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
@@ -197,7 +197,8 @@ def _grains_of_mask(
     """Return the grains of a mask: its pieces, or its parts where splitting is asked for."""
     if splitting is not None:
         return part_mask(mask, size, splitting)
-    pieces, count = cc3d.connected_components(mask, connectivity=26, return_N=True, out_dtype=np.uint32)
+    pieces, sizes = label_pieces(mask)
+    pieces, count = pieces.astype(np.uint32), len(sizes)
     parted = int(part_mask(mask, size, _USUAL_SPLITTING).max(initial=0))
     if parted > count:
         found = "one connected piece" if count == 1 else f"{count:,} connected pieces"

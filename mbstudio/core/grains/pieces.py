@@ -10,7 +10,11 @@ from jaxtyping import Bool, Int
 
 def label_pieces(mask: Bool[np.ndarray, "Z Y X"]) -> tuple[Int[np.ndarray, "Z Y X"], Int[np.ndarray, "n"]]:
     """Return the 26-connected pieces, numbered from 1, and their numbers of voxels."""
-    pieces, count = cc3d.connected_components(np.ascontiguousarray(mask), connectivity=26, return_N=True)
+    solid = np.ascontiguousarray(mask)
+    if 1 in solid.shape:
+        # cc3d's way for truth values expects too few pieces of a row of voxels, and gives up.
+        solid = solid.astype(np.uint8)
+    pieces, count = cc3d.connected_components(solid, connectivity=26, return_N=True)
     return pieces, np.bincount(pieces.ravel(), minlength=count + 1)[1:]
 
 

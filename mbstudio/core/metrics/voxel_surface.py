@@ -28,12 +28,12 @@ def check_grain(grain: Grain) -> str:
         If the grain has no voxels, is in several pieces, or holds no cube of 2 x 2 x 2 voxels (a single
         voxel, a plate or a rod one voxel thick): its surface would be that of the grid.
     """
-    import cc3d
+    from mbstudio.core.grains.pieces import label_pieces
 
     mask = grain.mask
     if mask.ndim != 3 or not mask.any():
         raise MeasureError(f"'{grain.name}' has no voxels: there is nothing to measure.")
-    pieces = int(cc3d.connected_components(mask, connectivity=26, return_N=True)[1])
+    pieces = len(label_pieces(mask)[1])
     if pieces > 1:
         raise MeasureError(
             f"'{grain.name}' is in {pieces} pieces: shape factors are defined for one body. Make each piece "

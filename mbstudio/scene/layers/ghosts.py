@@ -10,7 +10,7 @@ class GhostA(SurfaceLayer):
     """Grain A."""
 
     title = mark("Ghost of A")
-    icon = "ph.ghost"
+    icon = "mdi6.alpha-a-circle-outline"
     tip = mark("Grain A, transparent")
     colour = "grain"
     starts_opaque = 0.22
@@ -21,7 +21,7 @@ class GhostB(SurfaceLayer):
     """Grain B."""
 
     title = mark("Ghost of B")
-    icon = "ph.ghost"
+    icon = "mdi6.alpha-b-circle-outline"
     tip = mark("Grain B, transparent")
     colour = "points"
     starts_opaque = 0.22

@@ -153,6 +153,8 @@ class MainWindow(QMainWindow):
         self.welcome = Welcome()
         self._pages = QStackedWidget()
         self._pages.setObjectName("pages")
+        # What the pages would like may not push the docks out of a small window.
+        self._pages.setMinimumSize(200, 160)
         self._pages.addWidget(self.welcome)
         self._pages.addWidget(self.viewport)
         self.view_bar = ViewBar(self.commands, self.icons)

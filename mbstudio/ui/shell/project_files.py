@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
 from mbstudio.core.errors import ProjectError
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.shell.dialogs.conflict_card import ConflictCard
 from mbstudio.ui.shell.dialogs.leave_card import LeaveCard
@@ -44,6 +45,8 @@ class ProjectFiles(QObject):
         self._space = studio.workspace
         self.asks = True
         self._then: Callable[[], object] | None = None
+        self._after_saving: Callable[[], object] | None = None
+        self._deferred = DeferredCalls(self)
         self.leaving = LeaveCard()
         self.leaving.answered.connect(self._leave)
         self.conflict = ConflictCard()
@@ -87,14 +90,14 @@ class ProjectFiles(QObject):
         else:
             self._work.save(path)
 
-    def save_as(self, after: Any = None, suggested: str = "sand.mbs") -> None:
-        """Ask for a file and save to it."""
+    def save_as(self, after: Any = None, suggested: str = "sand.mbs", *, waits: bool = False) -> None:
+        """Ask for a file and save to it, once what runs is over if `waits`."""
         name, _ = QFileDialog.getSaveFileName(
             self._studio.host, tr("Save project"), self._studio.path_for(suggested), tr(PROJECT_FILTER)
         )
         if name:
             path = Path(name)
-            self._work.save(path if path.suffix else path.with_suffix(".mbs"), after)
+            self._work.save(path if path.suffix else path.with_suffix(".mbs"), after, waits=waits)
 
     @property
     def has_unsaved_work(self) -> bool:
@@ -102,7 +105,16 @@ class ProjectFiles(QObject):
         return self._space.is_modified or any(station.has_unsaved_work for station in self._stations)
 
     def leave_project(self, then: Callable[[], object]) -> None:
-        """Do `then` once unsaved work is saved or given up; a card above the view asks for which."""
+        """Do `then` once unsaved work is saved or given up; a card above the view asks for which.
+
+        A save that runs comes to its end first.
+        """
+        saving = self._work.saving
+        if saving is not None:
+            if self._after_saving is None:
+                saving.ended.connect(self._go_on)
+            self._after_saving = then
+            return
         if not (self.asks and self.has_unsaved_work and self._space.can_be_saved):
             then()
             return
@@ -114,6 +126,12 @@ class ProjectFiles(QObject):
         question = tr("Save the changes to “{project}”?", project=self._space.title)
         self.leaving.ask(question, " ".join(told))
 
+    def _go_on(self) -> None:
+        then, self._after_saving = self._after_saving, None
+        if then is not None:
+            # Not from within the save's own signal: the lane is free by then.
+            self._deferred.call(lambda: self.leave_project(then))
+
     def _leave(self, answer: str) -> None:
         """Do what was answered; work may have been done or saved since the question was asked."""
         then, self._then = self._then, None
@@ -124,9 +142,9 @@ class ProjectFiles(QObject):
                 self._studio.queue.cancel_all("work")
             path = self._space.project.path
             if path is None:
-                self.save_as(after=then)
+                self.save_as(after=then, waits=True)
             else:
-                self._work.save(path, after=then)
+                self._work.save(path, after=then, waits=True)
         elif answer == "discard" and then is not None:
             self._space.give_up_work()
             then()

@@ -40,18 +40,32 @@ class ProjectWork(Work):
         task.succeeded.connect(lambda opened: self._use_project(opened[0], opened[1], path))
         return self.queue.submit(task)
 
-    def save(self, path: Path, after: Callable[[], object] | None = None) -> Task:
-        """Write the project to `path`; `after` is called once it is written."""
+    @property
+    def saving(self) -> Task | None:
+        """The save that runs, if one does."""
+        return self.queue.running("saving")
+
+    def save(self, path: Path, after: Callable[[], object] | None = None, *, waits: bool = False) -> Task:
+        """Write the project to `path` as it is now; `after` is called once it is written.
+
+        Parameters
+        ----------
+        path : Path
+        after : callable, optional
+        waits : bool
+            Whether what runs comes first: what it has found is to be in the file.
+        """
         project = self.workspace.project
         task = Task(tr("Saving {name}", name=path.name), lambda control: project.save(path))
+        task.can_cancel = False
         task.handled = (ProjectLockedError, ProjectChangedError)
         task.failed.connect(
             lambda error: self.refused.emit(error, path, after) if isinstance(error, task.handled) else None
         )
-        task.succeeded.connect(lambda written: self._saved(Path(written)))
+        task.succeeded.connect(lambda written: self._saved(project, Path(written)))
         if after is not None:
             task.succeeded.connect(lambda _: after())
-        return self.queue.submit(task)
+        return self.queue.submit(task, lane="work" if waits else "saving")
 
     def merge(self, path: Path, after: Callable[[], object] | None = None) -> Task:
         """Bring in what another program has written into the project's file, then save it."""
@@ -89,10 +103,11 @@ class ProjectWork(Work):
         self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
         self.opened.emit()
 
-    def _saved(self, path: Path) -> None:
+    def _saved(self, project: Project, path: Path) -> None:
         self.workspace.remember(path)
-        self.workspace.hold_project()
-        self.workspace.saved()
+        if project is self.workspace.project:
+            self.workspace.hold_project()
+            self.workspace.saved()
         self.said.emit("success", tr("Saved {name}.", name=path.name))
 
 

@@ -47,6 +47,15 @@ def primary_button(text: str) -> QPushButton:
     return button
 
 
+def set_primary(button: QPushButton, is_primary: bool) -> None:
+    """Make a button the main one of its panel, or one like others."""
+    wanted = "true" if is_primary else ""
+    if button.property("primary") != wanted:
+        button.setProperty("primary", wanted)
+        button.style().unpolish(button)
+        button.style().polish(button)
+
+
 def quiet_button(text: str) -> QPushButton:
     """Return a button without a frame, for what is needed seldom."""
     button = QPushButton(text)

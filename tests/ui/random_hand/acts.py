@@ -277,6 +277,12 @@ def answer_menu(random: Random) -> str:
             action = random.choice(choices)
             told = action.text()
             action.trigger()
+    elif random.random() < 0.6:
+        buttons = [one for one in menu.findChildren(QAbstractButton) if one.isVisible() and one.isEnabled()]
+        if buttons:
+            button = random.choice(buttons)
+            told = named(button)
+            button.click()
     menu.close()
     return f"answer a menu with “{told}”"
 

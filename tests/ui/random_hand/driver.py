@@ -218,7 +218,7 @@ class RandomHand:
         self.window.workspace.state_changed.connect(self._note_state)
         self.outcome.windows += 1
         if not plain:
-            self.window.project_files.open_path(self.files.project)
+            self.window.project_files.open_path(self.files.restore())
             self._settle(20)
 
     def _failed(self, task: Any, error: Exception) -> None:
@@ -248,7 +248,7 @@ class RandomHand:
         self._theme.choose("light")
         self._open_window(plain=True)
         window = self.window
-        window.project_files.open_path(self.files.project)
+        window.project_files.open_path(self.files.restore())
         self._settle(PATIENCE)
         window.workspace.select(1)
         for station in [station.id for station in window.stations]:
@@ -377,7 +377,7 @@ class RandomHand:
             return "another n"
         grains = window.workspace.state.grains
         if grains is None and random.random() < 0.5:
-            window.project_files.open_path(self.files.project)
+            window.project_files.open_path(self.files.restore())
             return "open the project again"
         if grains is not None and random.random() < 0.7:
             window.workspace.choose(random.sample(grains.table["label"].tolist(), min(2, len(grains))))

@@ -51,6 +51,7 @@ class Files:
         self.sound: list[list[Path]] = []
         self.broken: list[list[Path]] = []
         self.project = self._project()
+        self._whole = self.project.read_bytes()
         self._scans()
         self._meshes()
         self.style = folder / "style"
@@ -150,6 +151,12 @@ class Files:
             content[random.randrange(len(content))] ^= 4
             path.write_bytes(content)
         self.broken_style = broken_style
+
+    def restore(self) -> Path:
+        """Return the project as it was at first: a window may have saved over it."""
+        if self.project.read_bytes() != self._whole:
+            self.project.write_bytes(self._whole)
+        return self.project
 
     # ---- answers to dialogs ----------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ from mbstudio.ui.shell.dialogs.about import AboutBox
 from mbstudio.ui.shell.dialogs.cheat_sheet import shortcuts
 from mbstudio.ui.shell.main_window import MainWindow
 from mbstudio.ui.workers import Task
-from tests.ui.conftest import delete_later_now
+from tests.ui.conftest import PATIENCE, delete_later_now
 
 
 @pytest.fixture
@@ -338,6 +338,62 @@ def test_an_autosave_that_fails_is_said_once(with_grains, idle, monkeypatch):
 # ---- tasks -----------------------------------------------------------------------------------------
 
 
+def test_a_project_is_saved_at_once_whatever_runs(with_grains, idle, qtbot, tmp_path):
+    window, let_go = with_grains, threading.Event()
+
+    def work(control):
+        while not let_go.is_set():
+            control.progress(0.5)
+            time.sleep(0.01)
+
+    task = window.queue.submit(Task("A long one", work))
+    window.workspace.change_fit_settings(n=23)
+    window.project_work.save(tmp_path / "sand.mbs")
+    qtbot.waitUntil(lambda: window.project_work.saving is None, timeout=PATIENCE)
+    assert task.state == "running"
+    assert "Saved sand.mbs" in window.messages.text
+    assert Project.open(tmp_path / "sand.mbs").state.fit_settings.n == 23
+    assert not window.workspace.is_modified
+    let_go.set()
+    idle()
+
+
+def test_what_leaves_the_project_waits_for_a_save_that_runs(with_grains, idle, qtbot, tmp_path, monkeypatch):
+    window, let_go = with_grains, threading.Event()
+    project, save = window.workspace.project, Project.save
+
+    def slow(self, *given, **named):
+        assert let_go.wait(60)
+        return save(self, *given, **named)
+
+    monkeypatch.setattr(Project, "save", slow)
+    window.workspace.change_fit_settings(n=24)
+    window.project_files.asks = True
+    window.project_work.save(tmp_path / "sand.mbs")
+    window.commands.run("project.new")
+    assert window.workspace.project is project
+    let_go.set()
+    # All is saved by then, so that nothing is asked.
+    qtbot.waitUntil(lambda: window.workspace.project is not project, timeout=PATIENCE)
+    idle()
+    assert window.project_files.leaving.text == ""
+    assert Project.open(tmp_path / "sand.mbs").state.fit_settings.n == 24
+
+
+def test_progress_never_goes_back(window, idle):
+    seen = []
+
+    def work(control):
+        for fraction in (0.1, 0.6, 0.3, -1.0, 0.8):
+            control.report(fraction, "a phase")
+
+    task = Task("In phases", work)
+    task.reported.connect(lambda report: seen.append(report.fraction))
+    window.queue.submit(task)
+    idle()
+    assert seen == [0.1, 0.6, 0.6, 0.6, 0.8]
+
+
 def test_a_waiting_task_is_taken_out_of_the_queue(window, idle, qtbot):
     let_go, done = threading.Event(), []
 
@@ -355,11 +411,15 @@ def test_a_waiting_task_is_taken_out_of_the_queue(window, idle, qtbot):
     strip = window.task_strip
     assert strip._title.text() == "The first"
     assert strip._queued.text() == "+ 2 waiting"
-    strip.waiting_menu.aboutToShow.emit()
-    entries = strip.waiting_menu.actions()
-    assert [entry.text() for entry in entries] == ["The second", "The third"]
-    entries[0].trigger()
+    strip._queued.click()
+    rows = strip.tasks.rows
+    assert [row.title.text() for row in rows] == ["The first", "The second", "The third"]
+    assert [row._told.text() for row in rows[1:]] == ["Waiting", "Waiting"]
+    qtbot.waitUntil(lambda: rows[0].bar.value() == 500, timeout=PATIENCE)
+    rows[1].cancel.click()
+    assert [row.title.text() for row in strip.tasks.rows] == ["The first", "The third"]
     assert strip._queued.text() == "+ 1 waiting"
+    strip.tasks.close()
     let_go.set()
     idle()
     assert done == ["first", "third"]

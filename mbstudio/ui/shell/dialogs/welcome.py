@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import application_icon
 from mbstudio.ui.language import tr
 from mbstudio.ui.widgets.forms import empty, label, primary_button, quiet_button
+
+ROOMY = 680  # pixels that all buttons beside each other need
+_IN_A_ROW = 4
 
 
 class Welcome(QFrame):
@@ -46,12 +50,14 @@ class Welcome(QFrame):
             )
         )
         layout.addSpacing(8)
-        buttons = QHBoxLayout()
-        buttons.setSpacing(10)
-        for button in (self.open_button, self.sample_button, self.meshes_button, self.project_button):
-            buttons.addWidget(button)
-        buttons.addStretch(1)
-        layout.addLayout(buttons)
+        self._buttons = QGridLayout()
+        self._buttons.setSpacing(10)
+        self._columns = 0
+        self._arrange(_IN_A_ROW)
+        line = QHBoxLayout()
+        line.addLayout(self._buttons)
+        line.addStretch(1)
+        layout.addLayout(line)
         self._recovered = QVBoxLayout()
         self._recovered.setSpacing(8)
         layout.addLayout(self._recovered)
@@ -66,6 +72,18 @@ class Welcome(QFrame):
         outer.addStretch(1)
         outer.addWidget(content, 10, Qt.AlignmentFlag.AlignVCenter)
         outer.addStretch(1)
+
+    def _arrange(self, columns: int) -> None:
+        """Lay the buttons in so many columns."""
+        if columns != self._columns:
+            self._columns = columns
+            buttons = (self.open_button, self.sample_button, self.meshes_button, self.project_button)
+            for place, button in enumerate(buttons):
+                self._buttons.addWidget(button, place // columns, place % columns)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._arrange(_IN_A_ROW if self.width() >= ROOMY else _IN_A_ROW // 2)
+        super().resizeEvent(event)
 
     def show_cards(self, cards: Sequence[QWidget]) -> None:
         """Show cards of work to bring back."""

@@ -69,6 +69,7 @@ class CurvePlot(Plot):
     def show_curves(self, wanted: SizeDistribution | None, found: SizeDistribution | None) -> None:
         """Draw both curves in the unit of the wanted one, or that of the specimen where none is wanted."""
         shown = wanted or found
+        self._legend.setVisible(wanted is not None)
         if shown is None:
             self._wanted.setData([], [])
             self._found.setData([], [])

@@ -21,9 +21,9 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView
 
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.grains.table_model import COLUMNS, NAME, SHARE, VOLUME, GrainTableModel
+from mbstudio.ui.stations.grains.table_model import COLUMNS, COUNT, NAME, RMS, SHARE, VOLUME, GrainTableModel
 
-ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430))
+ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430), (RMS, 330), (COUNT, 260))
 """Columns that go first when the table is narrow, and the pixels that it needs to show each."""
 _HIDDEN = "table/hidden"
 

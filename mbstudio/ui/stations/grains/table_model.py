@@ -62,7 +62,7 @@ COLUMNS = (
     ),
     Column(
         "share",
-        mark("RMS [% of Dₙ]"),
+        mark("RMS [%]"),
         mark("Root mean square distance between the surfaces, in percent of the grain's nominal diameter"),
         of_fit=True,
     ),
@@ -74,7 +74,7 @@ COLUMNS = (
         is_text=True,
     ),
 )
-VOLUME, NAME, SHARE, VERDICT = 1, 3, 6, 7
+VOLUME, NAME, COUNT, RMS, SHARE, VERDICT = 1, 3, 4, 5, 6, 7
 """Places of columns; that of the edge holds the names of meshes, which no edge cuts."""
 
 

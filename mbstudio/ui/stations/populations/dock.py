@@ -26,6 +26,8 @@ from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.comparison_table import name_of
 from mbstudio.ui.widgets.forms import label
 
+NARROWEST = 260
+"""Pixels that plots need; the smallest window leaves no more beside panel and view."""
 _SIGNS = ("●", "▲", "■")
 
 
@@ -46,7 +48,7 @@ class PopulationDock(QFrame):
     def __init__(self, theme: Theme, icons: Icons) -> None:
         super().__init__()
         self.setObjectName("plots")
-        self.setMinimumWidth(360)
+        self.setMinimumWidth(NARROWEST)
         self._theme = theme
         self._populations: Sequence[Population] = ()
         self._shown = Shown()

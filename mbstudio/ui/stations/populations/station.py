@@ -5,7 +5,7 @@ from __future__ import annotations
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.populations.commands import population_commands
-from mbstudio.ui.stations.populations.dock import PopulationDock
+from mbstudio.ui.stations.populations.dock import NARROWEST, PopulationDock
 from mbstudio.ui.stations.populations.link import PopulationLink
 from mbstudio.ui.stations.populations.panel import PopulationPanel
 from mbstudio.ui.stations.populations.work import PopulationWork
@@ -14,6 +14,13 @@ from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.display import GrainsDisplay
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.widgets.dock_frame import DockFrame
+
+_PANEL = 440  # pixels that rail and panel take
+
+
+def _width_of_plots(width: int) -> int:
+    """Return the room of the plots at first: a third of the window, but no more than leaves a view."""
+    return min(max(400, width // 3), max(NARROWEST, round(0.55 * (width - _PANEL))))
 
 
 class PopulationStation(Station):
@@ -36,7 +43,7 @@ class PopulationStation(Station):
             self.dock,
             "right",
             studio.icons,
-            first_width=lambda width: max(400, width // 3),
+            first_width=_width_of_plots,
         )
         self.docks = (self.frame,)
         self.link = PopulationLink(studio, self.work, self.panel, self.dock)

@@ -106,6 +106,7 @@ class ScanStation(Station):
     def wire(self) -> None:
         self.relay_messages(self.work)
         self.studio.commands.bind(self.panel.open_button, "scan.open")
+        self.studio.commands.bind(self.panel.next_button, "station.grains")
         self.studio.commands.bind(self.panel.sample_button, "scan.sample")
         self.studio.commands.bind(self.panel.part_button, "scan.choose_part")
         self.studio.commands.bind(self.panel.whole_button, "scan.whole")

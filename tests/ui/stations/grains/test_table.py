@@ -129,7 +129,7 @@ def test_columns_are_chosen_by_the_person_and_remembered(table, kept, qtbot):
     assert [c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)] == ["volume", "share"]
     actions = {action.text(): action for action in table.column_menu().actions()}
     actions["Verdict"].trigger()
-    actions["RMS [% of Dₙ]"].trigger()
+    actions["RMS [%]"].trigger()
     hidden = {"volume", "verdict"}
     assert {c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)} == hidden
     table.resize(900, 300)
