@@ -19,6 +19,7 @@ from mbstudio.core.processes import HOST, is_running
 _DAY = 24 * 3600.0
 # Machine, process, chance: by these the next save knows what a killed one has left.
 _BESIDE = re.compile(r"\..+\.(?:(?P<host>[0-9a-f]{8})-(?P<process>\d{1,10})-)?[0-9a-f]{8}\.part")
+_ASIDE = re.compile(r"\.(?P<name>.+)\.(?:(?P<host>[0-9a-f]{8})-(?P<process>\d{1,10})-)?[0-9a-f]{8}\.old")
 
 
 @contextmanager
@@ -55,6 +56,41 @@ def replacing(path: Path) -> Iterator[Path]:
 def name_beside(path: Path) -> Path:
     """Return a name for what is not whole yet, beside its place; `remove_leftovers` knows it again."""
     return path.with_name(f".{path.name}.{_host()}-{os.getpid()}-{secrets.token_hex(4)}.part")
+
+
+def name_aside(path: Path) -> Path:
+    """Return a name for what makes room for something new, beside its place; `find_aside` knows it again.
+
+    It is not cleared away by itself: until the new one is in its place, it is the only one.
+    """
+    return name_beside(path).with_suffix(".old")
+
+
+def find_aside(path: Path) -> list[Path]:
+    """Return what a program that was killed had moved aside to make room at `path`."""
+    found = []
+    with contextlib.suppress(OSError):
+        for entry in os.scandir(path.parent):
+            match = _ASIDE.fullmatch(entry.name)
+            if match is not None and match["name"] == path.name and _is_left(match, entry):
+                found.append(Path(entry.path))
+    return sorted(found)
+
+
+def restore_folder(path: Path) -> None:
+    """Bring a folder back that was moved aside by a program that was killed before the new one was there.
+
+    Raises
+    ------
+    OSError
+        If it cannot be moved.
+    """
+    target = path.resolve()
+    for aside in find_aside(target):
+        if target.exists():
+            shutil.rmtree(aside, ignore_errors=True)
+        else:
+            aside.rename(target)
 
 
 def remove_leftovers(folder: Path) -> None:
@@ -97,6 +133,7 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         If the folder cannot be written or the disk is full.
     """
     target = path.resolve()
+    restore_folder(target)
     remove_leftovers(target.parent)
     temporary = name_beside(target)
     temporary.mkdir()
@@ -105,8 +142,7 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         for file in temporary.rglob("*"):
             flush_to_disk(file)
         if target.exists():
-            # Not of a name that is cleared away: until the new one is in its place, it is the only one.
-            old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
+            old = name_aside(target)
             target.rename(old)
             try:
                 temporary.rename(target)

@@ -9,7 +9,13 @@ import time
 import pytest
 
 from mbstudio.core.processes import is_running
-from mbstudio.core.replacement import name_beside, remove_leftovers, replacing, replacing_folder
+from mbstudio.core.replacement import (
+    name_beside,
+    remove_leftovers,
+    replacing,
+    replacing_folder,
+    restore_folder,
+)
 
 SAVE_AND_WAIT = """
 import sys, time
@@ -109,3 +115,24 @@ def test_a_folder_stays_when_the_new_one_fails(tmp_path):
         temporary.write_text("half")
     assert (place / "file").read_text() == "whole"
     assert [path.name for path in tmp_path.iterdir()] == ["labels.zarr"]
+
+
+def test_a_folder_that_a_killed_program_had_moved_aside_comes_back(tmp_path):
+    place = tmp_path / "labels.zarr"
+    aside = tmp_path / ".labels.zarr.00000000-1-abcdef01.old"
+    aside.mkdir()
+    (aside / "0").write_text("old")
+    os.utime(aside, (0, 0))
+    other = tmp_path / ".other.zarr.00000000-1-abcdef01.old"
+    other.mkdir()
+    os.utime(other, (0, 0))
+    restore_folder(place)
+    assert (place / "0").read_text() == "old"
+    # With the new one in its place, the old one is not needed.
+    place.rename(aside)
+    os.utime(aside, (0, 0))
+    place.mkdir()
+    with replacing_folder(place) as temporary:
+        (temporary / "0").write_text("new")
+    assert (place / "0").read_text() == "new"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [other.name, place.name]

@@ -8,16 +8,30 @@ last, after the earlier ones were renamed aside; a failure renames everything ba
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from mbstudio.core.dem.manifest import FILE_NAME
 from mbstudio.core.errors import ExportError
-from mbstudio.core.replacement import name_beside, remove_leftovers
+from mbstudio.core.own_files import NO_MARK, mark_of
+from mbstudio.core.replacement import (
+    find_aside,
+    flush_folder,
+    name_aside,
+    name_beside,
+    remove_leftovers,
+    replacing,
+)
+from mbstudio.core.sealing import check_json, seal_json
+
+_ASIDE = "mbstudio"
+_OLDER = ".mbstudio-*.old"  # as versions before plans named it
+_EARLIER, _PLAN = "earlier", "plan.json"
 
 
 def check_replaceable(folder: Path, ours: Callable[[Path], list[str] | None], overwrite: bool) -> list[str]:
@@ -43,6 +57,7 @@ def check_replaceable(folder: Path, ours: Callable[[Path], list[str] | None], ov
     if not folder.is_dir():
         raise ExportError(f"{folder} is a file, not a folder: choose another place for the export.")
     try:
+        roll_back(folder)
         entries = list(folder.iterdir())
         earlier = ours(folder)
     except OSError as error:
@@ -159,10 +174,13 @@ def _swap_files(temporary: Path, folder: Path, replaced: set[str]) -> None:
     """Rename the earlier files aside and the new ones in; if one rename fails, rename all back."""
     new = sorted(_files_in(temporary), key=_manifest_last)
     earlier = sorted({name for name in replaced | set(new) if (folder / name).exists()}, key=_manifest_last)
-    aside = Path(tempfile.mkdtemp(prefix=".mbstudio-", suffix=".old", dir=folder))
+    aside = name_aside(folder / _ASIDE)
+    kept = aside / _EARLIER
+    kept.mkdir(0o700, parents=True)
+    _write_plan(aside, earlier, new)
     done: list[tuple[Path, Path]] = []
     made: list[Path] = []
-    moves = [(folder / name, aside / name) for name in reversed(earlier)]
+    moves = [(folder / name, kept / name) for name in reversed(earlier)]
     moves += [(temporary / name, folder / name) for name in new]
     try:
         for source, destination in moves:
@@ -174,10 +192,70 @@ def _swap_files(temporary: Path, folder: Path, replaced: set[str]) -> None:
             destination.rename(source)
         for parent in reversed(made):
             parent.rmdir()
-        aside.rmdir()
+        shutil.rmtree(aside, ignore_errors=True)
         raise
     shutil.rmtree(aside, ignore_errors=True)
     _remove_emptied(folder, earlier)
+
+
+def _write_plan(aside: Path, earlier: list[str], new: list[str]) -> None:
+    """Write what is about to be moved, so that it can be taken back after a kill."""
+    names = {"earlier": earlier, "new": new}
+    plan = seal_json({**names, "mark": _mark_of(names)})
+    with replacing(aside / _PLAN) as temporary:
+        temporary.write_bytes(plan)
+
+
+def _mark_of(names: dict[str, list[str]]) -> str:
+    return mark_of(hashlib.sha256(json.dumps(names, sort_keys=True).encode("ascii")).hexdigest())
+
+
+def roll_back(folder: Path) -> None:
+    """Take back what an export had moved that was killed between its first move and its last.
+
+    The manifest goes first and comes last: where it is there, either nothing was moved or everything.
+
+    Raises
+    ------
+    OSError
+        If something cannot be moved.
+    """
+    for aside in find_aside(folder / _ASIDE):
+        plan = _read_plan(aside)
+        if plan is None:  # of somebody else: what it says is not done
+            continue
+        if not (folder / FILE_NAME).exists():
+            earlier, new = plan
+            for name in new:
+                if name not in earlier:
+                    (folder / name).unlink(missing_ok=True)
+            _remove_emptied(folder, new)
+            for name in sorted(earlier, key=_manifest_last):
+                if (aside / _EARLIER / name).exists():
+                    _make_parents((folder / name).parent)
+                    (aside / _EARLIER / name).replace(folder / name)
+            flush_folder(folder)
+        shutil.rmtree(aside, ignore_errors=True)
+    if (folder / FILE_NAME).exists():
+        for aside in folder.glob(_OLDER):
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+def _read_plan(aside: Path) -> tuple[list[str], list[str]] | None:
+    """Return the names that were to be moved, if this person's mbstudio has written them."""
+    place = aside / _PLAN
+    if not place.exists():  # killed before the first move
+        return [], []
+    try:
+        content = place.read_bytes()
+        sealed = check_json(content)
+        told = json.loads(content)
+        names = {key: [str(name) for name in told[key]] for key in ("earlier", "new")}
+        if not sealed or told["mark"] == NO_MARK or told["mark"] != _mark_of(names):
+            return None
+    except (LookupError, RecursionError, TypeError, ValueError):
+        return None
+    return names["earlier"], names["new"]
 
 
 def _remove_emptied(folder: Path, names: Iterable[str]) -> None:
