@@ -6,14 +6,17 @@ import math
 import warnings
 from dataclasses import dataclass
 
+import edt
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
-from mbstudio.core.grains.interfaces import Interfaces, find_interfaces
-from mbstudio.core.grains.phases import Phases, find_phases
-from mbstudio.core.grains.thresholding import brighter_than, threshold_of
+from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.interfaces import Interfaces, count_unexplained, find_interfaces
+from mbstudio.core.grains.judging import median_solidity
+from mbstudio.core.grains.phases import LEAST_INTERFACES, Phases, find_phases
+from mbstudio.core.grains.thresholding import LocalThreshold, brighter_than, threshold_of
 from mbstudio.core.scan.field_of_view import FieldOfView
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
@@ -22,6 +25,10 @@ from mbstudio.core.units import VoxelSize
 # would otherwise draw Otsu's threshold, and the blur, towards them.
 _CLIPPED = (0.002, 0.99)
 _BINS = 1024
+_TRIED_EDGE = 160  # voxels: edge of the box in which touching grains are parted on trial
+_TRIED_SPLITTING, _TRIED_DEPTH, _TRIED_VOXELS, _TRIED_GRAINS = 0.75, 0.5, 100, 50
+_DOUBTFUL_DARK, _DOUBTFUL_BRIGHT = 0.2, 0.08  # 1 / voxel: curvatures that pores in fine packings can have too
+_WITHIN = 0.06  # share of inner borders that lie within what would be one grain; films of water 0.13 and more
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +91,38 @@ def find_foreground(
             f"Nothing in {scan.path or 'the scan'} stands out from the noise, so there are no grains: "
             "check that it is the right file, or state a threshold."
         )
+    mask, found = _select_phases(scan, voxels, view, phases, denoise_sigma)
+    if dark is None and phases.curvature < (_DOUBTFUL_DARK if phases.dark else _DOUBTFUL_BRIGHT):
+        rest = view.mask & ~mask
+        if _solidity_of_trial(rest) > _solidity_of_trial(mask):
+            turned = find_phases(interfaces, not phases.dark)
+            if turned is not None:
+                phases = turned
+                mask, found = _select_phases(scan, voxels, view, phases, denoise_sigma)
+        del rest
+    if phases.liquid is not None:
+        toned = find_phases(interfaces, phases.dark, wet=False)
+        if toned is not None and len(toned.tones) > 1:
+            solid, toned_found = _select_phases(scan, voxels, view, toned, denoise_sigma)
+            if _grains_explain(interfaces, solid, phases):
+                mask, found, phases = solid, toned_found, toned
     _warn_about(phases, judged_dark=phases.dark and dark is None)
+    sign = -1.0 if phases.dark else 1.0
+    side = "darker" if phases.dark else "brighter"
+    words = f"Grains are {side} than a threshold that follows their surfaces, about {sign * phases.middle:g}"
+    if isinstance(found, float):
+        words = f"Grains are {side} than {sign * found:g}"
+    return Foreground(mask, words, interfaces, phases)
+
+
+def _select_phases(
+    scan: Scan,
+    voxels: Shaped[np.ndarray, "Z Y X"],
+    view: FieldOfView,
+    phases: Phases,
+    denoise_sigma: float,
+) -> tuple[Bool[np.ndarray, "Z Y X"], float | LocalThreshold]:
+    """Return which voxels are grain, and the threshold (its sign turned where grains are dark)."""
     grey = _clipped(voxels, *_believed_range(voxels, view))
     _denoise(grey, view, scan.voxel_size, denoise_sigma)
     sign = -1.0 if phases.dark else 1.0
@@ -100,11 +138,43 @@ def find_foreground(
         np.negative(grey, out=grey)
     mask = brighter_than(grey, found)
     mask &= view.mask
-    side = "darker" if phases.dark else "brighter"
-    words = f"Grains are {side} than a threshold that follows their surfaces, about {sign * phases.middle:g}"
-    if isinstance(found, float):
-        words = f"Grains are {side} than {sign * found:g}"
-    return Foreground(mask, words, interfaces, phases)
+    return mask, found
+
+
+def _trial(solid: Bool[np.ndarray, "Z Y X"]) -> tuple[Int[np.ndarray, "z y x"], tuple[slice, ...]]:
+    """Return the grains of a box in the middle, touching ones parted by their shape alone, and the box."""
+    box = tuple(slice(max(0, (n - _TRIED_EDGE) // 2), (n + _TRIED_EDGE) // 2) for n in solid.shape)
+    part = np.ascontiguousarray(solid[box])
+    distance = edt.edt(part, black_border=False, parallel=0)
+    np.nan_to_num(distance, copy=False, posinf=float(max(part.shape)))
+    distance -= 0.5 * part
+    labels, _ = split_by_necks(distance, _TRIED_SPLITTING, _TRIED_DEPTH)
+    return labels, box
+
+
+def _solidity_of_trial(solid: Bool[np.ndarray, "Z Y X"]) -> float:
+    """Return how convex grains would be: what is left between grains is not."""
+    found = median_solidity(_trial(solid)[0], _TRIED_VOXELS, _TRIED_GRAINS)
+    return found if math.isfinite(found) else 0.0
+
+
+def _grains_explain(interfaces: Interfaces, solid: Bool[np.ndarray, "Z Y X"], wet: Phases) -> bool:
+    """Return whether a level between void and grain is that of fainter grains, rather than a liquid.
+
+    Where it is, the borders between it and the brighter grains lie where touching grains are parted by their
+    shape alone; those between a liquid's film and its grain lie within what would be one grain.
+    """
+    assert wet.liquid is not None
+    labels, box = _trial(solid)
+    lows = -interfaces.highs if wet.dark else interfaces.lows
+    places = interfaces.places - np.array([edge.start for edge in box])
+    inner = ((places >= 0) & (places < labels.shape)).all(axis=1)
+    inner &= np.abs(lows - wet.liquid) < 0.5 * (wet.liquid - wet.void)
+    inner &= interfaces.contrasts > 0.5 * wet.contrast
+    if np.count_nonzero(inner) < LEAST_INTERFACES:
+        return False
+    within, _ = count_unexplained(labels, places[inner].astype(np.int64))
+    return bool(within < _WITHIN * np.count_nonzero(inner))
 
 
 def _select_ranges(

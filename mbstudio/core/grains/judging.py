@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import edt
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
@@ -9,10 +12,10 @@ from scipy import ndimage
 from mbstudio.core.compiled import compiled
 from mbstudio.core.grains.agreement import agreement
 from mbstudio.core.grains.flooding import split_by_necks
-from mbstudio.core.grains.interfaces import Interfaces, find_interfaces
+from mbstudio.core.grains.interfaces import Interfaces, count_unexplained, find_interfaces
 from mbstudio.core.grains.labelling import statistics, widened_box
 from mbstudio.core.grains.phases import Phases, find_phases
-from mbstudio.core.grains.verdict import SegmentationVerdict
+from mbstudio.core.grains.verdict import SegmentationVerdict, likely_agreement
 from mbstudio.core.scan.field_of_view import FieldOfView
 
 _SAMPLED_VOXELS = 60_000  # of the grains' surface
@@ -21,11 +24,12 @@ _FEW, _MANY = 5, 20  # grains
 _BLURRED = 3  # voxels from a surface: what is not void alone
 _AROUND = 6.0  # voxels: standard deviation of the weights for the level of the void around a place
 _FEWEST_OF_VOID = 500
-_REACH = 2.0  # voxels between a surface and where the grey values of its sides are taken
+_REACH, _NEAR = 2.0, 1.0  # voxels between a surface and where the grey values of its sides are taken
 _AVERAGED = 27  # voxels at each of these places
+_UNCONVEX = 0.85  # solidity below which a grain may be two
 _MISSING = 0.3  # share of a grain's own contrast below which its surface is not borne out
 _STRONG = 0.4  # share of the usual contrast from which an edge must be explained
-_OTHER_SPLITTING = 0.07
+_OTHER_SPLITTING = 0.15
 _SPLIT_EDGE = 160  # voxels: edge of the box in which touching grains are parted anew
 
 
@@ -36,7 +40,7 @@ def judge_labels(
     interfaces: Interfaces | None = None,
     *,
     phases: Phases | None = None,
-    splitting_agreement: float | None = None,
+    agreements: Mapping[str, float] | None = None,
 ) -> SegmentationVerdict:
     """Judge grains by the scan that they were found in.
 
@@ -51,8 +55,8 @@ def judge_labels(
         Those of the scan; found anew by default.
     phases : Phases, optional
         Those of the scan; found anew by default.
-    splitting_agreement : float, optional
-        What :func:`agreement_of_splittings` gave, if the grains were parted here.
+    agreements : mapping of str to float, optional
+        What :func:`compare_splittings` gave, if the grains were parted here.
     """
     if interfaces is None:
         interfaces = find_interfaces(grey.astype(np.float32), view.mask)
@@ -66,9 +70,13 @@ def judge_labels(
     elif figures.get("contrast_to_noise", 0.0) > 0.0:
         contrast = figures["contrast_to_noise"] * interfaces.noise
         figures["texture_of_void"] = _void_texture(grey, labels, view.mask, box, interfaces.noise) / contrast
-    figures["solidity"] = _median_solidity(labels, boxes, cut)
-    if splitting_agreement is not None:
-        figures["splitting_agreement"] = splitting_agreement
+    solidities, rows = _solidities(labels, np.arange(len(boxes)), boxes, cut, _SAMPLED_GRAINS)
+    if len(rows):
+        figures["solidity"] = float(np.median(solidities))
+        figures["unconvex_share"] = float(voxels[rows][solidities < _UNCONVEX].sum() / voxels[rows].sum())
+    if agreements:
+        figures |= agreements
+        figures["likely_agreement"] = likely_agreement(figures)
     figures["median_diameter"] = float(np.median(np.cbrt(6 * voxels / np.pi)))
     figures["solid_share"] = float(voxels.sum() / max(np.count_nonzero(view.mask), 1))
     if len(voxels) >= _MANY:
@@ -87,14 +95,17 @@ def _surfaces(
     places = _surface_voxels(labels, seen)
     if not len(places):
         return {"surface_compared": 0.0}
-    steps = _steps(grey, labels, places)
+    steps = _steps(grey, labels, places, _REACH)
+    near = float(np.median(_steps(grey, labels, places, _NEAR)))
     if np.median(steps) < 0:
-        steps = -steps
+        steps, near = -steps, -near
     contrast = float(np.median(steps))
     figures = {
         "surface_compared": float(len(places)),
         "contrast_to_noise": contrast / max(interfaces.noise, 1e-300),
     }
+    if contrast > 0:
+        figures["edge_sharpness"] = near / contrast
     owners = labels[tuple(places.T)]
     usual = np.nan_to_num(ndimage.median(steps, owners, np.arange(int(owners.max()) + 1)))
     # A grain whose own contrast is no more than noise leaves in a step is not borne out as a whole.
@@ -102,7 +113,7 @@ def _surfaces(
     figures["surface_borne_out"] = float((steps > least).mean())
     strong = interfaces.contrasts > _STRONG * contrast
     if strong.any():
-        inside, outside = _count_unexplained(labels, interfaces.places[strong].astype(np.int64))
+        inside, outside = count_unexplained(labels, interfaces.places[strong].astype(np.int64))
         figures["edges_inside"] = inside / float(strong.sum())
         figures["edges_outside"] = outside / float(strong.sum())
     return figures
@@ -158,20 +169,30 @@ def _void_texture(
     return float(np.sqrt(max(((high - low) / 3.29) ** 2 - noise**2 / _AVERAGED, 0.0)))
 
 
-def _median_solidity(
-    labels: Int[np.ndarray, "Z Y X"], boxes: Int[np.ndarray, "n 6"], cut: Bool[np.ndarray, " n"]
-) -> float:
-    """Return the median share of their convex hulls that grains fill, once smoothed over a voxel; else NaN.
+def median_solidity(labels: Int[np.ndarray, "Z Y X"], least_voxels: int, most: int) -> float:
+    """Return the median solidity of some grains of at least so many voxels; NaN where there are none."""
+    voxels, boxes, _, cut = statistics(labels)
+    found, _ = _solidities(labels, np.flatnonzero(voxels >= least_voxels), boxes, cut, most)
+    return float(np.median(found)) if len(found) else float("nan")
 
-    Grains that the border cuts are left out where enough others are left.
+
+def _solidities(
+    labels: Int[np.ndarray, "Z Y X"],
+    rows: Int[np.ndarray, " k"],
+    boxes: Int[np.ndarray, "n 6"],
+    cut: Bool[np.ndarray, " n"],
+    most: int,
+) -> tuple[Float[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+    """Return the shares of their convex hulls that grains fill, once smoothed over a voxel, and their rows.
+
+    Grains that the border cuts are left out where enough others are left; of many, some are taken.
     """
-    rows = np.flatnonzero(~cut)
-    if len(rows) < _FEW:
-        rows = np.arange(len(boxes))
-    rows = rows[:: -(-len(rows) // _SAMPLED_GRAINS)]
+    whole = rows[~cut[rows]]
+    rows = whole if len(whole) >= _FEW else rows
+    rows = rows[:: -(-len(rows) // most)] if len(rows) else rows
     found = [_solidity(labels[widened_box(boxes[row])] == row + 1) for row in rows]
-    kept = [value for value in found if value is not None]
-    return float(np.median(kept)) if kept else float("nan")
+    kept = [(value, row) for value, row in zip(found, rows, strict=True) if value is not None]
+    return np.array([value for value, _ in kept]), np.array([row for _, row in kept], np.int64)
 
 
 def _solidity(mask: Bool[np.ndarray, "z y x"]) -> float | None:
@@ -187,13 +208,15 @@ def _solidity(mask: Bool[np.ndarray, "z y x"]) -> float | None:
     return abs(float(surface.volume)) / float(surface.convex_hull.volume)
 
 
-def agreement_of_splittings(
+def compare_splittings(
     landscape: Float[np.ndarray, "Z Y X"],
     labels: Int[np.ndarray, "Z Y X"],
     splitting: float,
     least_depth: float,
-) -> float:
-    """Return the least F1 between grains and those of a little more and a little less splitting.
+    smallest_voxels: int,
+    anisotropy: tuple[float, float, float] = (1.0, 1.0, 1.0),
+) -> dict[str, float]:
+    """Return how well grains agree (F1) with those that come of finding them a little differently.
 
     Parameters
     ----------
@@ -203,18 +226,45 @@ def agreement_of_splittings(
         What came of it.
     splitting, least_depth : float
         As they were parted; see :func:`~mbstudio.core.grains.flooding.split_by_necks`.
+    smallest_voxels : int
+        Pieces of fewer voxels do not count.
+    anisotropy : tuple of float
+        Edges (z, y, x) of a voxel over its shortest.
+
+    Returns
+    -------
+    dict
+        ``splitting_agreement`` is the lesser one of a little more and a little less splitting,
+        ``smooth_agreement`` that of grains smoothed over a voxel before they are parted, and
+        ``thin_agreement`` that of grains half a voxel thinner.
 
     Notes
     -----
     In large scans this looks at a box about the grain that is nearest to the middle of all.
     """
     part = np.ascontiguousarray(landscape[_middle_box(statistics(labels)[1], labels.shape)])
-    reference, _ = split_by_necks(part, splitting, least_depth)
-    scores = []
-    for other in (splitting - _OTHER_SPLITTING, splitting + _OTHER_SPLITTING):
-        found, _ = split_by_necks(part, float(np.clip(other, 0.0, 1.0)), least_depth)
-        scores.append(agreement(found, reference).f1)
-    return min(scores)
+
+    def parted(distances: Float[np.ndarray, "z y x"], share: float) -> Int[np.ndarray, "z y x"]:
+        found, _ = split_by_necks(distances, float(np.clip(share, 0.0, 1.0)), least_depth)
+        large = np.bincount(found.ravel()) >= smallest_voxels
+        large[0] = False
+        return np.where(large[found], found, 0)
+
+    reference = parted(part, splitting)
+
+    def agreeing(distances: Float[np.ndarray, "z y x"], share: float) -> float:
+        return agreement(parted(distances, share), reference).f1
+
+    smooth = ndimage.gaussian_filter((part > 0).astype(np.float32), 1.0, mode="nearest") > 0.5
+    distances = edt.edt(smooth, anisotropy=anisotropy, black_border=False, parallel=0)
+    np.nan_to_num(distances, copy=False, posinf=float(max(part.shape)))
+    return {
+        "splitting_agreement": min(
+            agreeing(part, splitting - _OTHER_SPLITTING), agreeing(part, splitting + _OTHER_SPLITTING)
+        ),
+        "smooth_agreement": agreeing((distances - 0.5) * smooth, splitting),
+        "thin_agreement": agreeing(np.maximum(part - 0.5, 0.0), splitting),
+    }
 
 
 def _middle_box(boxes: Int[np.ndarray, "n 6"], shape: tuple[int, ...]) -> tuple[slice, ...]:
@@ -271,11 +321,14 @@ def _walk_surface(  # pragma: no cover - compiled
 
 
 def _steps(
-    grey: Shaped[np.ndarray, "Z Y X"], labels: Int[np.ndarray, "Z Y X"], places: Int[np.ndarray, "m 3"]
+    grey: Shaped[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    places: Int[np.ndarray, "m 3"],
+    reach: float,
 ) -> Float[np.ndarray, " m"]:
-    """Return the grey value inside less that outside, at places on surfaces."""
+    """Return the grey value inside less that outside, this many voxels from places on surfaces."""
     middles = np.empty((2, len(places), 3), np.int64)
-    _place_sides(labels, places, _REACH, middles)
+    _place_sides(labels, places, reach, middles)
     sides = np.zeros((2, len(places)))
     for offset in np.ndindex(3, 3, 3):
         at = np.moveaxis(middles + (np.array(offset) - 1), -1, 0)
@@ -308,25 +361,3 @@ def _place_sides(  # pragma: no cover - compiled
             middles[side, row, 0] = round(z + far * a)
             middles[side, row, 1] = round(y + far * b)
             middles[side, row, 2] = round(x + far * c)
-
-
-@compiled()
-def _count_unexplained(labels: np.ndarray, places: np.ndarray) -> tuple[int, int]:  # pragma: no cover
-    """Count edges about which all is one grain, and those about which there is no grain."""
-    nz, ny, nx = labels.shape
-    inside, outside = 0, 0
-    for row in range(len(places)):
-        z, y, x = places[row, 0], places[row, 1], places[row, 2]
-        label = labels[z, y, x]
-        alone = True
-        for i in range(max(z - 2, 0), min(z + 3, nz)):
-            for j in range(max(y - 2, 0), min(y + 3, ny)):
-                for k in range(max(x - 2, 0), min(x + 3, nx)):
-                    near = (i - z) ** 2 + (j - y) ** 2 + (k - x) ** 2 <= 5
-                    alone = alone and (labels[i, j, k] == label or not near)
-        if alone:
-            if label:
-                inside += 1
-            else:
-                outside += 1
-    return inside, outside

@@ -19,6 +19,10 @@ _CLEAR = 3.2  # deviations of the noise: contrast of what is no texture
 _LEAST_SHARE = 0.03
 _BINS = 1500
 _SAME_LEVEL = 0.15
+_THIN = 0.3  # least contrast of a liquid and the void, over that of grains and liquid
+_FITTED = 100_000  # interfaces
+_ALIKE = 0.3  # deviation by which a drift may move the sides differently, over its own
+_EXPLAINED = 0.6  # share of the variance of levels, on either side, that a drift explains
 _DARK = -0.01  # 1 / voxel: median curvature below which the dark side is the convex one
 
 
@@ -106,7 +110,7 @@ class Phases:
         return 0.5 * (self.base + self.tones[0])
 
 
-def find_phases(interfaces: Interfaces, dark: bool | None = None) -> Phases | None:
+def find_phases(interfaces: Interfaces, dark: bool | None = None, *, wet: bool = True) -> Phases | None:
     """Tell phases by the levels that meet at interfaces; None where there are too few of these.
 
     Parameters
@@ -115,9 +119,13 @@ def find_phases(interfaces: Interfaces, dark: bool | None = None) -> Phases | No
     dark : bool, optional
         Whether grains are darker than what lies between them; where it is not stated, they are the side whose
         surface is convex in the median.
+    wet : bool
+        Whether a level between void and grain may be a liquid; otherwise it is that of fainter grains.
     """
     if len(interfaces) < LEAST_INTERFACES:
         return None
+    drift = _drift(interfaces)
+    interfaces = _shifted(interfaces, -drift)
     kinds, contrast = _kinds(interfaces)
     if not kinds:
         return None
@@ -125,11 +133,12 @@ def find_phases(interfaces: Interfaces, dark: bool | None = None) -> Phases | No
         belonging = _match_kinds(interfaces, kinds, contrast)
         dark = _curvature(interfaces, belonging) < _DARK
     if dark:
-        interfaces = _turned(interfaces)
+        interfaces, drift = _turned(interfaces), -drift
         kinds = tuple(Kind(-kind.high, -kind.low, kind.share) for kind in kinds)
-    void, tones, liquid = _levels(kinds, contrast)
+    void, tones, liquid = _levels(kinds, contrast, wet)
     base = void if liquid is None else liquid
     surface = _surface(interfaces, base, tones, contrast)
+    interfaces = _shifted(interfaces, drift)
     own = replace(
         interfaces,
         places=interfaces.places[surface],
@@ -144,6 +153,45 @@ def find_phases(interfaces: Interfaces, dark: bool | None = None) -> Phases | No
     spread = float(late - early) / max(float(np.median(own.contrasts)), 1e-300)
     curvature = _curvature(own, np.ones(len(own), np.bool_))
     return Phases(kinds, void, tones, liquid, dark, curvature, spread, own)
+
+
+def _drift(interfaces: Interfaces) -> Float[np.ndarray, " m"]:
+    """Return by how much the grey value of everything drifts with the place, such as by cupping; else zeros.
+
+    It is a polynomial of second degree. It counts as a drift only where it moves the darker and the brighter
+    sides alike: grains of several tones differ on one side, a liquid on the other.
+    """
+    none = np.zeros(len(interfaces))
+    strong = np.flatnonzero(interfaces.contrasts > 0.5 * np.median(interfaces.contrasts))
+    strong = strong[:: -(-len(strong) // _FITTED)] if len(strong) else strong
+    if len(strong) < LEAST_INTERFACES:
+        return none
+    extent = np.maximum(interfaces.places.max(axis=0), 1)
+    terms = _terms(interfaces.places[strong] / extent)
+    sides = np.stack([interfaces.lows[strong], interfaces.highs[strong]], axis=1).astype(np.float64)
+    factors = np.linalg.lstsq(terms, sides, rcond=None)[0]
+    found = terms @ factors
+    explained = found.var(axis=0) / np.maximum(sides.var(axis=0), 1e-300)
+    apart = (found[:, 1] - found[:, 0]).std()
+    if explained.min() < _EXPLAINED or apart > _ALIKE * found.mean(axis=1).std():
+        return none
+    drift: Float[np.ndarray, " m"] = _terms(interfaces.places / extent) @ factors.mean(axis=1)
+    drift -= np.median(drift)
+    return drift
+
+
+def _terms(places: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 10"]:
+    """Return the terms of a polynomial of second degree, at places between 0 and 1."""
+    z, y, x = 2.0 * places.T - 1.0
+    return np.stack([np.ones_like(z), z, y, x, z * z, y * y, x * x, z * y, y * x, z * x], axis=1)
+
+
+def _shifted(interfaces: Interfaces, shift: Float[np.ndarray, " m"]) -> Interfaces:
+    """Return interfaces with other levels."""
+    if not shift.any():
+        return interfaces
+    lows, highs = ((side + shift).astype(np.float32) for side in (interfaces.lows, interfaces.highs))
+    return replace(interfaces, lows=lows, highs=highs)
 
 
 def _kinds(interfaces: Interfaces) -> tuple[tuple[Kind, ...], float]:
@@ -222,24 +270,32 @@ def _turned(interfaces: Interfaces) -> Interfaces:
     )
 
 
-def _levels(kinds: tuple[Kind, ...], contrast: float) -> tuple[float, tuple[float, ...], float | None]:
+def _levels(
+    kinds: tuple[Kind, ...], contrast: float, wet: bool
+) -> tuple[float, tuple[float, ...], float | None]:
     """Return the level of the void, those of the grains, and that of a liquid if there is one.
 
     A level that is the bright side of some interfaces and the dark side of others lies between two
     phases. It is a liquid if it meets the brighter phase at least half as often as the void: inclusions
-    in grains are fewer.
+    in grains are fewer. What does not meet the void itself is none: streaks within grains do not.
     """
     void = min(kind.low for kind in kinds if kind.share > 0.1)
     liquid: float | None = None
     for outer in kinds:
+        if not wet or outer.low > void + _SAME_LEVEL * contrast:
+            continue
         for inner in kinds:
             meets = abs(outer.high - inner.low) < _SAME_LEVEL * contrast
-            if meets and outer.low < inner.low - _SAME_LEVEL * contrast and inner.share >= 0.5 * outer.share:
-                liquid = inner.low
+            between = inner.low - outer.low > max(_SAME_LEVEL * contrast, _THIN * inner.contrast)
+            if meets and between and inner.share >= 0.5 * outer.share:
+                void, liquid = min(void, outer.low), inner.low
     base = void if liquid is None else liquid
     tones: list[float] = []
     for kind in sorted(kinds, key=lambda kind: kind.high):
-        if abs(kind.low - base) > 2 * _SAME_LEVEL * contrast or kind.high < base + _WEAK * contrast:
+        # Grains stand out from the void or, where they touch, from fainter grains.
+        known = (base, *([] if wet else tones))
+        beside = min(abs(kind.low - level) for level in known) <= 2 * _SAME_LEVEL * contrast
+        if not beside or kind.high < base + _WEAK * contrast:
             continue
         if not tones or kind.high > tones[-1] + 0.2 * (tones[0] - base):
             tones.append(kind.high)

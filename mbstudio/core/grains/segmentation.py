@@ -8,6 +8,7 @@ not cubes), every grey value in the scan's own.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,11 +19,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
-from mbstudio.core.errors import ScanError, SegmentationError
+from mbstudio.core.errors import ScanError, SegmentationError, SegmentationWarning
 from mbstudio.core.grains.flooding import split_by_necks
 from mbstudio.core.grains.foreground import find_foreground
 from mbstudio.core.grains.grain_set import GrainSet
-from mbstudio.core.grains.judging import agreement_of_splittings, judge_labels
+from mbstudio.core.grains.judging import compare_splittings, judge_labels
 from mbstudio.core.grains.labelling import (
     build_grain_set,
     fill_label_cavities,
@@ -31,6 +32,7 @@ from mbstudio.core.grains.labelling import (
     widened_box,
 )
 from mbstudio.core.scan.field_of_view import FieldOfView, find_field_of_view, with_numbers_only
+from mbstudio.core.scan.impulses import without_impulses
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
@@ -133,15 +135,15 @@ def segment(
         If voxels inside the field of view are not numbers, or all are alike.
     SegmentationError
         If a setting is unknown or impossible, or no grains are found.
+
+    Warns
+    -----
+    SegmentationWarning
+        If grains are found to be dark or wetted by a third phase, or impulses were replaced.
     """
     settings = _with_overrides(settings or SegmentationSettings(), overrides)
     tell = progress or (lambda fraction, message: None)
-    tell(0.0, "Reading the voxels")
-    voxels = scan.load()
-    tell(0.08, "Finding the field of view")
-    view = find_field_of_view(voxels)
-    voxels = with_numbers_only(voxels, view, scan.path or "The scan")
-    _require_contrast(voxels, scan)
+    voxels, view = _read(scan, tell)
     tell(0.14, "Denoising")
     foreground = find_foreground(
         scan, voxels, view, threshold=settings.threshold, ranges=settings.ranges, dark=settings.dark,
@@ -156,7 +158,7 @@ def segment(
     tell(0.58, "Separating touching grains")
     labels, count = split_by_necks(landscape, settings.splitting, _LEAST_DEPTH)
     tell(0.75, "Parting them otherwise")
-    agreeing = agreement_of_splittings(landscape, labels, settings.splitting, _LEAST_DEPTH) if count else 0.0
+    agreements = _compare(landscape, labels, settings, scan.voxel_size) if count else {}
     del landscape
     tell(0.82, f"Sorting {count:,} pieces")
     count = _settle_fragments(labels, settings.smallest_voxels)
@@ -165,7 +167,7 @@ def segment(
     verdict = None
     if count:
         tell(0.92, "Judging the grains by the scan")
-        verdict = judge_labels(voxels, labels, view, interfaces, phases=phases, splitting_agreement=agreeing)
+        verdict = judge_labels(voxels, labels, view, interfaces, phases=phases, agreements=agreements)
     if settings.drop_border:
         _, _, _, cut = statistics(labels, view.rim_cutting(labels))
         count = renumber_kept(labels, ~cut)
@@ -184,6 +186,31 @@ def segment(
     return grains
 
 
+def _read(scan: Scan, tell: Progress) -> tuple[Shaped[np.ndarray, "Z Y X"], FieldOfView]:
+    """Return the voxels, none of which is an impulse or no number, and the field of view."""
+    tell(0.0, "Reading the voxels")
+    voxels = scan.load()
+    tell(0.08, "Finding the field of view")
+    view = find_field_of_view(voxels)
+    voxels = with_numbers_only(voxels, view, scan.path or "The scan")
+    _require_contrast(voxels, scan)
+    return _without_impulses(voxels, view), view
+
+
+def _compare(
+    landscape: Float[np.ndarray, "Z Y X"],
+    labels: Int[np.ndarray, "Z Y X"],
+    settings: SegmentationSettings,
+    voxel_size: VoxelSize,
+) -> dict[str, float]:
+    """Return how well the pieces agree with those that come of other partings."""
+    shortest = min(voxel_size.zyx)
+    z, y, x = (edge / shortest for edge in voxel_size.zyx)
+    return compare_splittings(
+        landscape, labels, settings.splitting, _LEAST_DEPTH, settings.smallest_voxels, (z, y, x)
+    )
+
+
 def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -> SegmentationSettings:
     known = SegmentationSettings.__dataclass_fields__
     for name in overrides:
@@ -192,6 +219,19 @@ def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -
                 f"'{name}' is not a setting of the segmentation: use one of {', '.join(known)}."
             )
     return replace(settings, **overrides)
+
+
+def _without_impulses(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView) -> Shaped[np.ndarray, "Z Y X"]:
+    """Return the voxels with impulses replaced, where there are many; tell it."""
+    mended, share = without_impulses(voxels, view.mask)
+    if mended is not voxels:
+        warnings.warn(
+            f"{100 * share:.2g} % of the voxels are impulses, far brighter or darker than all around them: "
+            "each was given the median of its neighbours. Look whether the detector has dead pixels.",
+            SegmentationWarning,
+            stacklevel=4,
+        )
+    return mended
 
 
 def _require_contrast(voxels: Shaped[np.ndarray, "Z Y X"], scan: Scan) -> None:

@@ -135,12 +135,14 @@ def _read_edits(stored: Stored, shape: tuple[int, ...]) -> tuple[Edit, ...]:
 
 
 def _read_verdict(stored: Stored) -> SegmentationVerdict | None:
-    """Return the verdict on the grains; None in files of older versions, and where there is none."""
+    """Return the verdict on the grains; None in files of versions that judged otherwise or not at all."""
     from mbstudio.core.grains.verdict import SegmentationVerdict
 
     if "verdict" not in stored.attributes():
         return None
     record = json_entries(stored.attribute("verdict", str), "attribute verdict of grains")
+    if not SegmentationVerdict.is_readable(record):
+        return None
     try:
         return SegmentationVerdict.from_record(record)
     except SegmentationError as error:

@@ -15,11 +15,11 @@ VOID, CONTRAST = 20_000.0, 12_000.0
 
 
 @cache
-def packed(seed: int = 0, edge: int = 96) -> Int[np.ndarray, "Z Y X"]:
-    """Return true labels of grains pressed together, some 25 voxels across."""
+def packed(seed: int = 0, edge: int = 96, scale: float = 0.75) -> Int[np.ndarray, "Z Y X"]:
+    """Return true labels of grains pressed together, by default some 25 voxels across."""
     recipe = sample_recipe()
     kinds = {
-        name: replace(kind, diameter=(0.75 * kind.diameter[0], 0.75 * kind.diameter[1]))
+        name: replace(kind, diameter=(scale * kind.diameter[0], scale * kind.diameter[1]))
         for name, kind in recipe.kinds.items()
     }
     shape = (edge, edge, edge)

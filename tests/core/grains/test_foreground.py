@@ -13,7 +13,7 @@ from mbstudio.core.grains import SegmentationSettings, segment
 from mbstudio.core.grains.agreement import agreement
 from mbstudio.core.grains.grey_ranges import read_ranges, write_ranges
 from mbstudio.core.grains.interfaces import find_interfaces
-from mbstudio.core.grains.phases import find_phases
+from mbstudio.core.grains.phases import Kind, _levels, find_phases
 from mbstudio.core.scan import Scan
 from mbstudio.core.units import VoxelSize
 from tests.core.grains.degraded import CONTRAST, VOID, packed, scanned, scattered
@@ -120,3 +120,48 @@ def test_ranges_are_read_as_they_are_written() -> None:
     for text in ("", "90", "90:", "90:140:3", "a:b", "140:90", "1:inf"):
         with pytest.raises(SegmentationError, match="grey value"):
             read_ranges(text)
+
+
+def test_faint_grains_of_a_fine_packing_are_no_liquid() -> None:
+    truth = packed(3, 72, 0.45)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SegmentationWarning)
+        found = segment(Scan(scanned(truth, toned=(0.6, 0.3), noise=0.04), SIZE))
+    assert agreement(found.labels, truth).foreground_iou > 0.8
+
+
+@pytest.mark.parametrize("drift", [0.0, 1.5])
+def test_pores_of_a_fine_packing_are_no_dark_grains(drift: float) -> None:
+    truth = packed(3, 72, 0.4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SegmentationWarning)
+        found = segment(Scan(scanned(truth, drift=drift), SIZE))
+    assert agreement(found.labels, truth).foreground_iou > 0.9
+
+
+@pytest.mark.parametrize("dark", [True, False])
+def test_grains_of_a_fine_packing_are_the_convex_side(dark: bool) -> None:
+    truth = packed(3, 72, 0.4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SegmentationWarning)
+        found = segment(Scan(scanned(truth, dark=dark), SIZE))
+    assert agreement(found.labels, truth).foreground_iou > 0.9
+
+
+@pytest.mark.parametrize("drift", [0.8, 1.2, 1.6])
+def test_a_drift_is_no_liquid(drift: float) -> None:
+    truth = packed(5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SegmentationWarning)
+        found = segment(Scan(scanned(truth, drift=drift), SIZE))
+    assert agreement(found.labels, truth).f1 > 0.95
+
+
+def test_streaks_within_grains_are_no_liquid() -> None:
+    # Levels of a scan with streaks: what seems to lie between two phases never meets the void.
+    streaked = (
+        Kind(20_462, 31_426, 0.624), Kind(28_344, 31_756, 0.112), Kind(32_182, 35_277, 0.062),
+    )  # fmt: skip
+    assert _levels(streaked, 11_000, wet=True)[2] is None
+    wet = (Kind(20_978, 31_745, 0.308), Kind(26_860, 31_857, 0.532), Kind(20_789, 26_420, 0.063))
+    assert _levels(wet, 6_000, wet=True)[2] == 26_860

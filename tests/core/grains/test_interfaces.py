@@ -7,6 +7,7 @@ import pytest
 from scipy import ndimage
 
 from mbstudio.core.grains.interfaces import find_interfaces
+from tests.core.grains.degraded import CONTRAST, packed, scanned
 
 
 def ball(radius: float, edge: int = 60) -> np.ndarray:
@@ -44,6 +45,13 @@ def test_interfaces_lie_on_the_surface_and_know_its_curvature() -> None:
 def test_noise_alone_has_next_to_no_interfaces() -> None:
     image = np.random.default_rng(2).normal(100, 8, (80, 80, 80)).astype(np.float32)
     assert len(find_interfaces(image, everywhere(image))) < 10
+
+
+def test_the_noise_of_a_fine_packing_is_not_taken_from_its_surfaces() -> None:
+    truth = packed(3, 72, 0.4)
+    grey = scanned(truth, noise=0.05).astype(np.float32)
+    found = find_interfaces(grey, np.ones(grey.shape, np.bool_)).noise
+    assert found < 2.0 * 0.05 * CONTRAST
 
 
 def test_the_rim_of_the_field_of_view_is_no_interface() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import mbstudio as mb
 from mbstudio.core.batch.segmenting import segment_in_process
-from mbstudio.core.errors import SegmentationError, SegmentationWarning
+from mbstudio.core.errors import SegmentationError
 from mbstudio.core.grains.agreement import agreement
 from mbstudio.core.grains.judging import judge_labels
 from mbstudio.core.grains.verdict import CRITERIA, SegmentationVerdict
@@ -79,14 +79,6 @@ def test_a_liquid_between_the_grains_is_no_doubt():
     verdict = judged(scanned(truth, water=5.0), truth)
     assert verdict.phases == 3
     assert verdict.level == "green"
-
-
-def test_a_drift_taken_for_a_liquid_is_told():
-    truth = packed(5)
-    with pytest.warns(SegmentationWarning, match="liquid"):
-        grains = found(truth, {"drift": 1.6})
-    assert agreement(grains.labels, truth).f1 < 0.8
-    assert "void_or_liquid" in doubts(grains.verdict)
 
 
 def test_faint_grains_that_were_missed_are_told():
