@@ -12,6 +12,7 @@ import numpy as np
 from PySide6.QtCore import QObject, QSettings, Signal
 
 from mbstudio.core.errors import ProjectError, ProjectLockedError
+from mbstudio.core.grains.editing import Edit, EditOutcome
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.solid_voxels import solid_as_scan
 from mbstudio.core.imaging.steps import FitResult
@@ -170,6 +171,19 @@ class Workspace(QObject):
         """Add or replace fits by label."""
         self.project.add_fits(fits, title)
         self._announce()
+
+    def edit_grains(self, edit: Edit, title: str) -> EditOutcome[GrainSet]:
+        """Correct grains by hand, as one step of undo.
+
+        Raises
+        ------
+        EditError
+            If the edit cannot be made.
+        """
+        self._coalescing = None
+        outcome = self.project.edit_grains(edit, title, self.scan)
+        self._announce()
+        return outcome
 
     def use_style(self, learner: StyleLearner | None, title: str = "") -> None:
         """Work with another style-learner, as one step of undo; clones of the one before go."""

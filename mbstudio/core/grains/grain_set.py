@@ -124,6 +124,14 @@ class GrainSet(EditableGrains):
             return self.grain(label)
         return mesh.to_trimesh(self.unit)
 
+    def has(self, label: int) -> bool:
+        """Return whether there is a grain of this number."""
+        return bool((self.table["label"].to_numpy() == label).any())
+
+    def shares_body(self, other: GrainSet, label: int) -> bool:
+        """Return whether a grain of another set is the same here, voxel by voxel."""
+        return self.has(label) and other.has(label) and self.body_key(label) == other.body_key(label)
+
     def body_key(self, label: int) -> Hashable:
         """Return what is equal for one grain in two grain sets if no edit between them has touched it."""
         return (

@@ -354,7 +354,7 @@ class Project:
                 stacklevel=4,
             )
 
-    def edit_grains(self, edit: Edit, title: str = "") -> EditOutcome[GrainSet]:
+    def edit_grains(self, edit: Edit, title: str = "", scan: Scan | None = None) -> EditOutcome[GrainSet]:
         """Correct grains by hand, as one change.
 
         Avatars and measures of grains that the edit leaves as they are stay; see
@@ -366,6 +366,8 @@ class Project:
             Such as ``Merge(labels=(3, 7))``.
         title : str, optional
             The title of the change; what the edit does by default.
+        scan : Scan, optional
+            The project's scan, where it is open already.
 
         Raises
         ------
@@ -376,7 +378,10 @@ class Project:
         ScanError
             If it looks at grey values and the scan cannot be opened.
         """
-        outcome = self._grains_to_edit().edit(edit, self.scan if edit.needs_scan else None)
+        grains = self._grains_to_edit(scan)
+        if edit.needs_scan and scan is None:
+            scan = self.scan
+        outcome = grains.edit(edit, scan if edit.needs_scan else None)
         self._push(self.state.with_edit(outcome), title or edit.described())
         return outcome
 
@@ -397,7 +402,7 @@ class Project:
             self._push(state, title)
         return replayed
 
-    def _grains_to_edit(self) -> GrainSet:
+    def _grains_to_edit(self, scan: Scan | None = None) -> GrainSet:
         grains = self.state.grains
         if grains is None:
             raise ProjectError(
@@ -405,7 +410,7 @@ class Project:
             )
         if grains.view is not None or grains.is_of_meshes or self.state.scan is None:
             return grains
-        scan = self.scan
+        scan = scan if scan is not None else self.scan
         if scan is None or scan.shape != grains.label_volume.shape:
             return grains
         # Projects of older versions do not hold it; nothing may be painted beyond it.

@@ -10,6 +10,7 @@ import pyvista as pv
 from jaxtyping import Float, Int, Shaped, UInt8
 from vtkmodules.vtkRenderingCore import vtkImageSlice, vtkImageSliceMapper
 
+from mbstudio.core.grains.editing.label_volume import LabelVolume
 from mbstudio.core.translation import mark
 from mbstudio.scene.layers.layer import Hit, Layer, Stage
 from mbstudio.scene.layers.picking import sight
@@ -110,7 +111,7 @@ class SlicePlanes:
         self.index: dict[Axis, int] = {axis: count // 2 for axis, count in self.counts.items()}
         self.shown: dict[Axis, bool] = dict.fromkeys(AXES, True)
         self._visible = True
-        self._labels: np.ndarray | None = None
+        self._labels: LabelVolume | None = None
         self._colours: np.ndarray | None = None
         self.images: dict[Axis, UInt8[np.ndarray, "h w 3"]] = {}
         self._planes: dict[Axis, vtkImageSlice] = {}
@@ -148,10 +149,10 @@ class SlicePlanes:
         self.window = (float(low), float(high))
         self._draw_all()
 
-    def set_labels(self, labels: Int[np.ndarray, "Z Y X"] | None) -> None:
-        """Outline the grains of a label volume of the scan's shape."""
+    def set_labels(self, labels: LabelVolume | None, largest: int = 0) -> None:
+        """Outline the grains of a label volume of the scan's shape, whose labels go up to `largest`."""
         self._labels = labels
-        self._colours = None if labels is None else label_colours(int(labels.max()))
+        self._colours = None if labels is None else label_colours(largest)
         self._draw_all()
 
     def set_visible(self, visible: bool) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal
 from PySide6.QtGui import QGuiApplication
 
+from mbstudio.core.grains import GrainSet
 from mbstudio.scene import Scene, View, camera
 from mbstudio.scene.layers.slices import AXES, Axis
 from mbstudio.scene.tray_camera import TrayCamera
@@ -15,6 +17,7 @@ from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.display import Display
 from mbstudio.ui.view.live_avatar import LiveAvatar
+from mbstudio.ui.view.slice_tool import SliceTool
 from mbstudio.ui.view.view_surfaces import ViewSurfaces
 
 SOLID_WINDOW = (0.0, 1.6)
@@ -50,6 +53,10 @@ class SceneView(QObject):
         The part is to reach from and up to these voxels.
     part : dict of Axis to tuple of int, or None
         The part of the scan that is marked in slices and view, in voxels, half open.
+    slice_tool : SliceTool or None
+        What takes the left button in the flat slices; None to move the lines.
+    marks : tuple of (z, y, x)
+        Voxels that the flat slices mark.
     picking : bool
         Whether a click chooses what lies under it; a tool that takes clicks itself switches it off.
     """
@@ -72,6 +79,8 @@ class SceneView(QObject):
         self._displays = [self.display]
         self.picking = True
         self.part: dict[Axis, tuple[int, int]] | None = None
+        self.slice_tool: SliceTool | None = None
+        self.marks: tuple[tuple[int, int, int], ...] = ()
         self._focus: object = None
         self._sliced: object = None
         self._placed: tuple[Any, ...] | None = None
@@ -251,8 +260,19 @@ class SceneView(QObject):
         grains, scan = self.workspace.state.grains, self.workspace.sliced
         slices = self.scene.layers.slices.planes
         if slices is not None and scan is not None:
-            fitting = grains is not None and grains.labels.shape == scan.shape
-            slices.set_labels(grains.labels if grains is not None and fitting else None)
+            self.outline(grains if grains is not None and grains.label_volume.shape == scan.shape else None)
+
+    def outline(self, grains: GrainSet | None) -> None:
+        """Outline grains in the slices: those of the project, or what they would become."""
+        slices = self.scene.layers.slices.planes
+        if slices is not None:
+            volume = None if grains is None else grains.label_volume
+            slices.set_labels(volume, 0 if grains is None else grains.last_label)
+        self.slices_changed.emit()
+
+    def mark_voxels(self, marks: Iterable[tuple[int, int, int]]) -> None:
+        """Mark voxels in the flat slices."""
+        self.marks = tuple(marks)
         self.slices_changed.emit()
 
     def _cut_through(self, label: int | None) -> None:

@@ -52,6 +52,13 @@ class SlicePane(QWidget):
         Widen the grey window and raise its middle by these shares of its width.
     boxed : signal (object)
         The box is to have these ends (columns, rows).
+    stroked : signal (float, float, bool)
+        The left button is held over this voxel (column, row), and was pressed just now or before; only while
+        a tool takes it.
+    stroke_ended : signal
+        It was let go.
+    is_taken : bool
+        Whether a tool takes the left button.
     box : PaneBox
         The part of the slice that is chosen.
     """
@@ -62,6 +69,8 @@ class SlicePane(QWidget):
     left = Signal()
     windowed = Signal(float, float)
     boxed = Signal(object)
+    stroked = Signal(float, float, bool)
+    stroke_ended = Signal()
 
     def __init__(self, title: str, across: str) -> None:
         super().__init__()
@@ -74,6 +83,8 @@ class SlicePane(QWidget):
         self._colours = ("#888888", "#888888", "#888888", "#000000")
         self._zoom, self._shift = 1.0, QPointF()
         self._last: QPointF | None = None
+        self.is_taken = False
+        self._marks: list[tuple[float, float]] = []
         self.box = PaneBox(self.place_of)
         self.setMouseTracking(True)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
@@ -132,6 +143,12 @@ class SlicePane(QWidget):
         self.box.ends, self.box.cuts_slice = ends, cuts_slice
         self.update()
 
+    def set_marks(self, marks: list[tuple[float, float]]) -> None:
+        """Mark voxels (column, row) with rings."""
+        if marks != self._marks:
+            self._marks = marks
+            self.update()
+
     def set_colours(self, own: str, upright: str, level: str, ground: str) -> None:
         """Take the colours of the frame, of the upright and the level line, and behind the picture."""
         self._colours = (own, upright, level, ground)
@@ -189,6 +206,12 @@ class SlicePane(QWidget):
             ):
                 painter.setPen(QPen(QColor(colour), 1))
                 painter.drawLine(start, end)
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            for mark in self._marks:
+                for colour, width in ((ground, 4), (own, 2)):
+                    painter.setPen(QPen(QColor(colour), width))
+                    painter.drawEllipse(self.place_of(*mark), 5.0, 5.0)
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
             painter.setPen(QPen(QColor(own), 2 if self.hasFocus() else 1))
             painter.drawRect(rect)
             self._write(painter)
@@ -224,14 +247,20 @@ class SlicePane(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         self._last = event.position()
-        if event.button() == Qt.MouseButton.LeftButton and not self.box.grab(event.position()):
+        if event.button() != Qt.MouseButton.LeftButton:
+            return
+        if self.is_taken:
+            self._stroke_at(event.position(), True)
+        elif not self.box.grab(event.position()):
             self._cross_at(event.position())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         place = event.position()
         moved = place - self._last if self._last is not None else QPointF()
         self._last = place if event.buttons() else None
-        if event.buttons() & Qt.MouseButton.LeftButton and self.box.is_held:
+        if event.buttons() & Qt.MouseButton.LeftButton and self.is_taken:
+            self._stroke_at(place, False)
+        elif event.buttons() & Qt.MouseButton.LeftButton and self.box.is_held:
             rows, columns = self._shape
             self.boxed.emit(self.box.dragged_to(*self._voxel_near(place), (columns, rows)))
         elif event.buttons() & Qt.MouseButton.LeftButton:
@@ -252,6 +281,8 @@ class SlicePane(QWidget):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         self._last = None
         self.box.drop()
+        if self.is_taken and event.button() == Qt.MouseButton.LeftButton:
+            self.stroke_ended.emit()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         self._zoom, self._shift = 1.0, QPointF()
@@ -277,6 +308,11 @@ class SlicePane(QWidget):
             super().keyPressEvent(event)
         else:
             self.stepped.emit(step)
+
+    def _stroke_at(self, place: QPointF, is_first: bool) -> None:
+        voxel = self.voxel_at(place)
+        if voxel is not None:
+            self.stroked.emit(*voxel, is_first)
 
     def _cross_at(self, place: QPointF) -> None:
         rect = self.picture_rect()

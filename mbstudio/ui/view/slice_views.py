@@ -17,6 +17,7 @@ from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.view.slice_dock import PLANES, SliceDock, axes_of
 from mbstudio.ui.widgets.dock_frame import DockFrame
 
+_MARK_DEPTH = 2  # slices to both sides in which a mark is seen
 ROOMY = 1080  # pixels: wide enough for panel, view and panes
 
 
@@ -70,6 +71,10 @@ class SliceViews(QObject):
             pane.pointed.connect(lambda c, r, a=first, b=second, own=across: self._pointed({a: c, b: r}, own))
             pane.left.connect(self.readout.clear)
             pane.windowed.connect(self._widen)
+            pane.stroked.connect(
+                lambda c, r, begun, a=first, b=second, own=across: self._stroke({a: c, b: r}, own, begun)
+            )
+            pane.stroke_ended.connect(self._end_stroke)
             pane.boxed.connect(lambda ends, a=first, b=second: self._box_dragged(a, b, ends))
         if self.frame.close_button is not None:
             self.frame.close_button.clicked.connect(lambda: self.show(False))
@@ -115,6 +120,9 @@ class SliceViews(QObject):
                 f"{across} = {readable_length(position, scan.unit) if position else '0'}",
             )
             pane.set_cross(slices.index[first], slices.index[second])
+            pane.is_taken = self._view.slice_tool is not None
+            places = [dict(zip("zyx", mark, strict=True)) for mark in self._view.marks]
+            pane.set_marks([(p[first], p[second]) for p in places if abs(p[across] - index) <= _MARK_DEPTH])
         self._show_part()
 
     def _show_part(self) -> None:
@@ -150,6 +158,18 @@ class SliceViews(QObject):
             middle, width = (low + high) / 2 - brighter * (high - low), (high - low) * max(0.2, 1 + wider)
             self._view.set_window(middle - width / 2, middle + width / 2)
 
+    # ---- a tool that takes the left button -------------------------------------------------------
+
+    def _stroke(self, places: dict[Axis, float], across: Axis, begun: bool) -> None:
+        slices, tool = self._view.scene.layers.slices.planes, self._view.slice_tool
+        if slices is not None and tool is not None:
+            voxel = {axis: round(place) for axis, place in places.items()} | {across: slices.index[across]}
+            tool.stroke((voxel["z"], voxel["y"], voxel["x"]), "zyx".index(across), begun)
+
+    def _end_stroke(self) -> None:
+        if self._view.slice_tool is not None:
+            self._view.slice_tool.end_stroke()
+
     # ---- what lies under the mouse ---------------------------------------------------------------
 
     def _pointed(self, places: dict[Axis, float], across: Axis) -> None:
@@ -182,8 +202,8 @@ class SliceViews(QObject):
         words = [*places]
         if not self._studio.workspace.slices_voxels:
             words.append(tr("grey {value:.6g}", value=scan.voxels[z, y, x]))
-        if grains is not None and grains.labels.shape == scan.shape:
-            label = int(grains.labels[z, y, x])
+        if grains is not None and grains.label_volume.shape == scan.shape:
+            label = int(grains.label_volume[z, y, x])
             words.append(tr("grain {label}", label=label) if label else tr("no grain"))
             if label and grains.is_of_meshes:
                 words.append(grains.name_of(label))

@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.many_fits import fit_many
 from mbstudio.core.errors import FitError
-from mbstudio.core.grains import Grain
+from mbstudio.core.grains import Grain, GrainSet
 from mbstudio.core.imaging import FitResult, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
 from mbstudio.core.metrics import factor_intervals
@@ -40,6 +40,7 @@ class _Fitting:
 
     label: int
     grain: Grain
+    grains: GrainSet
     n: int
     target: str = ""
     run: FitRun | None = None
@@ -89,9 +90,9 @@ class FitWork(Work):
         self.run, self.all_run = Run(queue, self), Run(queue, self)
         for run in (self.run, self.all_run):
             run.changed.connect(self.changed)
-        self._arrived: tuple[object, list[Any]] = (None, [])
+        self._arrived: tuple[GrainSet | None, list[Any]] = (None, [])
         self.shows_spheres = True
-        workspace.grains_changed.connect(self._forget)
+        workspace.grains_changed.connect(self._grains_changed)
         workspace.project_replaced.connect(self._forget)
 
     # ---- what runs -----------------------------------------------------------------------------
@@ -123,7 +124,7 @@ class FitWork(Work):
         settings = self.workspace.state.fit_settings
         fills = settings.options.get("cavities") != "keep"
         grain = grains.grain(label, fill_cavities=fills)
-        fitting = _Fitting(label, grain, settings.n, settings.target)
+        fitting = _Fitting(label, grain, grains, settings.n, settings.target)
         self._fitting = fitting
         waits = self.shows_spheres and not settings.target
         project = self.workspace.project
@@ -237,8 +238,7 @@ class FitWork(Work):
         if self.run.is_running and fitting is not None and fitting.label not in state.fits:
             fits = {fitting.label: fitting.announced}
         grains, items = self._arrived
-        if grains is state.grains:
-            fits |= {item.label: item.result for item in items}
+        fits |= {item.label: item.result for item in _same_grains(grains, state.grains, items)}
         return {label: fit for label, fit in fits.items() if fit is not None}
 
     def unfitted(self) -> list[int]:
@@ -297,21 +297,45 @@ class FitWork(Work):
             trouble[0] = ""
         self.arrived.emit()
 
-    def _take_many(self, grains: object, items: list[Any]) -> None:
+    def _take_many(self, grains: GrainSet, items: list[Any]) -> None:
         if self._arrived[1] is items:
             self._arrived = (None, [])
-        if not items or grains is not self.workspace.state.grains:
+        given, items = len(items), _same_grains(grains, self.workspace.state.grains, items)
+        if not items:
             return
         fits = {item.label: item.result for item in items if item.result is not None}
         if fits:
             self.workspace.add_fits(fits, tr("Fit {count} grains", count=len(fits)))
         failed = [item for item in items if item.result is None]
-        self.said.emit(*describe_fits(fits, failed))
+        level, told = describe_fits(fits, failed)
+        if len(items) < given:
+            level, lost = "warning", given - len(items)
+            told += " " + tr(
+                "{count} avatars were discarded: their grains were corrected meanwhile.", count=lost
+            )
+        self.said.emit(level, told)
+
+    def _grains_changed(self) -> None:
+        """Give up the fit of a grain that is no longer what it was."""
+        now, fitting = self.workspace.state.grains, self._fitting
+        if fitting is not None and now is not None and now.shares_body(fitting.grains, fitting.label):
+            return
+        if self.run.is_running and fitting is not None and now is not None and now.edits:
+            told = tr("The fit of grain {label} was given up: the grain was corrected.", label=fitting.label)
+            self.said.emit("warning", told)
+        self._forget()
 
     def _forget(self) -> None:
         self.run.cancel()
         self._fitting = None
         self.changed.emit()
+
+
+def _same_grains(grains: GrainSet | None, now: GrainSet | None, items: list[Any]) -> list[Any]:
+    """Return what came of those grains that are still what they were."""
+    if grains is None or now is None:
+        return []
+    return items if grains is now else [item for item in items if now.shares_body(grains, item.label)]
 
 
 def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Finished]:

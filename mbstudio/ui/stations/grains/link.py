@@ -38,14 +38,19 @@ class GrainLink(QObject):
         self._studio, self._view, self._work = studio, view, work
         self._panel, self._table = panel, table
         space = studio.workspace
+        space.grains_changed.connect(self._show_fits)
         space.grains_changed.connect(lambda: table.content.set_grains(space.state.grains))
-        space.fits_changed.connect(lambda: table.content.set_fits(space.state.fits))
+        space.fits_changed.connect(lambda: self._show_fits())
         space.grains_changed.connect(studio.arrange_docks)
         space.scan_changed.connect(self._scan_changed)
         space.selection_changed.connect(self._selection_changed)
         table.chosen.connect(space.choose)
         work.several.connect(lambda error, then: ask_which_array(error, then, studio.host))
         work.too_large.connect(self._ask_anyway)
+
+    def _show_fits(self) -> None:
+        state = self._studio.workspace.state
+        self._table.content.set_fits(state.fits, state.changed_labels)
 
     def _scan_changed(self) -> None:
         slices = self._view.scene.layers.slices.planes

@@ -10,6 +10,8 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.meshes.listing import means_meshes
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.stations.grains.editing.commands import edit_commands
+from mbstudio.ui.stations.grains.editing.grain_editing import GrainEditing
 from mbstudio.ui.stations.grains.link import GrainLink
 from mbstudio.ui.stations.grains.mesh_link import MeshLink
 from mbstudio.ui.stations.grains.mesh_work import MeshWork
@@ -49,6 +51,7 @@ class GrainStation(Station):
         )
         self.docks = (self.table_frame,)
         self.link = GrainLink(studio, view, self.work, self.panel, self.table)
+        self.editing = GrainEditing(studio, view)
         self.mesh_work = MeshWork(space, studio.queue, self)
         self.mesh_link = MeshLink(studio, self.mesh_work)
 
@@ -122,6 +125,7 @@ class GrainStation(Station):
                 tip=tr("Show all grains in their colours"),
                 enabled=lambda: space.selected is not None,
             ),
+            *edit_commands(space, self.editing, lambda: self.is_open),
             self.table_frame.command(
                 tr("Table of grains"),
                 tr("Show or hide the table of grains"),
@@ -146,6 +150,9 @@ class GrainStation(Station):
 
     def enter(self) -> None:
         self.panel.tell_memory()
+
+    def leave(self) -> None:
+        self.editing.stop()
 
     def _can_find(self) -> bool:
         return self.studio.workspace.scan is not None and self.studio.queue.running() is None

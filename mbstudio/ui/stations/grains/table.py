@@ -176,6 +176,7 @@ class GrainTable(QTableView):
 
     def _show_column(self, name: str, shown: bool) -> None:
         hidden = {column.name for place, column in enumerate(COLUMNS) if self.isColumnHidden(place)}
+        hidden -= set() if self.content.has_excluded else {"use"}
         self.choose_columns(hidden - {name} if shown else hidden | {name})
 
     def _offer_columns(self, place: QPoint) -> None:
@@ -193,8 +194,10 @@ class GrainTable(QTableView):
         hidden = self.hidden_columns
         if hidden is None:
             hidden = {COLUMNS[place].name for place, needed in ROOM if self.width() < needed}
+        # Where all grains take part, the column that says so has nothing to say.
+        needless = set() if self.content.has_excluded else {"use"}
         for place, column in enumerate(COLUMNS):
-            self.setColumnHidden(place, column.name in hidden)
+            self.setColumnHidden(place, column.name in hidden | needless)
         # A name stands beside the number.
         header = self.horizontalHeader()
         named = self.content.has_names

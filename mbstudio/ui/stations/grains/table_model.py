@@ -73,6 +73,14 @@ COLUMNS = (
         of_fit=True,
         is_text=True,
     ),
+    Column(
+        "use",
+        mark("Part"),
+        mark(
+            "Whether the grain takes part in fits, populations, learning and export, or is excluded by hand"
+        ),
+        is_text=True,
+    ),
 )
 VOLUME, NAME, COUNT, RMS, SHARE, VERDICT = 1, 3, 4, 5, 6, 7
 """Places of columns; that of the edge holds the names of meshes, which no edge cuts."""
@@ -98,6 +106,7 @@ class GrainTableModel(QAbstractTableModel):
         self._names: list[str] = []
         self._files: list[str] = []
         self._fits: Mapping[int, FitResult] = {}
+        self._changed: frozenset[int] = frozenset()
         self._sorted_by = (0, Qt.SortOrder.AscendingOrder)
         self._order = np.zeros(0, dtype=int)  # places of grains, row by row
         self._rows = np.zeros(0, dtype=int)  # rows, grain by grain
@@ -123,6 +132,7 @@ class GrainTableModel(QAbstractTableModel):
                 "volume": volume * conversion_factor(self._unit, self._volume_unit) ** 3,
                 "dn": nominal_diameters(volume),
                 "border": table["touches_border"].to_numpy(float),
+                "use": np.isin(self._labels, list(grains.excluded_labels)).astype(float),
             }
             if grains.is_of_meshes:
                 self._names = [str(name) for name in table["name"]]
@@ -131,9 +141,9 @@ class GrainTableModel(QAbstractTableModel):
         self._put_in_order()
         self.endResetModel()
 
-    def set_fits(self, fits: Mapping[int, FitResult]) -> None:
-        """Show other fits of the same grains."""
-        self._fits = fits
+    def set_fits(self, fits: Mapping[int, FitResult], changed: Collection[int] = ()) -> None:
+        """Show other fits of the same grains; some grains may have changed since they were fitted."""
+        self._fits, self._changed = fits, frozenset(changed)
         self._take_fits()
         if COLUMNS[self._sorted_by[0]].of_fit:
             self._change_order()
@@ -153,6 +163,11 @@ class GrainTableModel(QAbstractTableModel):
         self._values |= of_fits
         if len(self._labels):
             self._values["share"] = 100 * of_fits["rms"] / self._values["dn"]
+
+    @property
+    def has_excluded(self) -> bool:
+        """Whether some grain is excluded by hand."""
+        return bool(len(self._labels)) and bool(self._values["use"].any())
 
     @property
     def has_names(self) -> bool:
@@ -258,6 +273,8 @@ class GrainTableModel(QAbstractTableModel):
             return self._files[grain]
         if role == Qt.ItemDataRole.ToolTipRole and column == VERDICT:
             fit = self._fits.get(int(self._labels[grain]))
+            if int(self._labels[grain]) in self._changed:
+                return tr("The grain was corrected after it was fitted: fit it again.")
             told = (*fit.verdict.reasons, *fit.verdict.warnings) if fit else ()
             return "\n".join(told) or None
         return None
@@ -284,6 +301,10 @@ class GrainTableModel(QAbstractTableModel):
             return tr("cut") if value else tr("inside")
         if name == "n":
             return f"n = {int(value)}"
+        if name == "use":
+            return tr("excluded") if value else tr("yes")
+        if name == "verdict" and int(self._labels[grain]) in self._changed:
+            return tr("changed")
         if name == "verdict":
             return tr("valid") if value else tr("not valid")
         return f"{value:#.3g}"

@@ -126,19 +126,19 @@ def test_labels_that_are_no_grains_are_not_chosen(table):
 def test_columns_are_chosen_by_the_person_and_remembered(table, kept, qtbot):
     assert not table.isColumnHidden(SHARE)
     table.resize(450, 300)
-    assert [c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)] == ["volume", "share"]
+    assert [c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)] == ["volume", "share", "use"]
     actions = {action.text(): action for action in table.column_menu().actions()}
     actions["Verdict"].trigger()
     actions["RMS [%]"].trigger()
     hidden = {"volume", "verdict"}
-    assert {c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)} == hidden
+    assert {c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)} == hidden | {"use"}
     table.resize(900, 300)
     assert table.isColumnHidden(VERDICT)
     again = GrainTable(kept)
     qtbot.addWidget(again)
     assert again.hidden_columns == hidden
     table.choose_columns(None)
-    assert not any(table.isColumnHidden(place) for place in range(len(COLUMNS)))
+    assert [c.name for p, c in enumerate(COLUMNS) if table.isColumnHidden(p)] == ["use"]
     again.choose_columns(None)
     assert again.hidden_columns is None
 

@@ -1,0 +1,1 @@
+"""Correcting grains by hand at station Grains; begin at `grain_editing`."""
