@@ -8,8 +8,8 @@ the file, closing and opening windows. The same seed does the same things; when 
 ends meanwhile is the machine's. Each action stands in FILE before it is done.
 
 Every 60 actions all changes are undone and made again, and each state is compared with what it was when it
-was made. Every 500 actions the window is closed and a cycle that is always the same is gone through: memory
-after the first two of them is the warm-up, and what comes later is compared with it.
+was made. Every 500 actions (`--cycle`) the window is closed and a cycle that is always the same is gone
+through: memory after the first two of them is the warm-up, and what comes later is compared with it.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--actions", type=int, default=5000)
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--cycle", type=int, default=500, help="actions between two looks at the memory")
     options.add_argument("--folder", type=Path)
     options.add_argument("--notes", type=Path)
     asked = options.parse_args()
@@ -59,7 +60,7 @@ def main() -> int:
 
     begun = time.monotonic()
     hand = RandomHand(folder / "files", asked.seed, tell=tell)
-    outcome = hand.run(asked.actions, cycle_every=500)
+    outcome = hand.run(asked.actions, cycle_every=asked.cycle)
     faulthandler.cancel_dump_traceback_later()
     spent = time.monotonic() - begun
     memory = [count / 2**20 for count in outcome.memory]

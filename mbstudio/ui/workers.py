@@ -148,7 +148,7 @@ class Task(QObject):
         self._work = work
         self._prepare = prepare
         self._fraction = fraction
-        self._control = Control(self._posted.emit)
+        self._control = Control(self._post)
         self._thread = threading.Thread(target=self._run, name=title, daemon=True)
         # Queued: whoever listens is called in the main thread, whatever kind of callable it is.
         self._posted.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
@@ -213,12 +213,17 @@ class Task(QObject):
             result = self._work(self._control)
             if hasattr(result, "__next__"):
                 result = self._drive(result)
-            self._posted.emit("succeeded", result)
+            self._post("succeeded", result)
         except Cancelled:
-            self._posted.emit("cancelled", None)
+            self._post("cancelled", None)
         except Exception as error:
             log.debug("%s failed", self.title, exc_info=True)
-            self._posted.emit("failed", error)
+            self._post("failed", error)
+
+    def _post(self, kind: str, value: Any) -> None:
+        """Tell the main thread, unless this object may be deleted by now."""
+        if not self._is_muted:
+            self._posted.emit(kind, value)
 
     def _drive(self, steps: Iterator[Any]) -> Any:
         waiting: list[Any] = []

@@ -90,6 +90,8 @@ def test_every_station(window, idle, qtbot, request, tmp_path, sample_state, the
         window.enter(station)
         if station in ("fit", "populations"):
             window.workspace.select(sorted(state.fits)[2])
+        if station == "populations":
+            window.commands.run("populations.measure")
         if station == "grains":
             window.shell.show_gallery(True)
         keep(station)

@@ -9,6 +9,7 @@ import pytest
 
 from mbstudio.core.errors import ScanError
 from mbstudio.ui.workers import Task, TaskQueue
+from tests.ui.conftest import delete_later_now
 
 
 @pytest.fixture
@@ -167,3 +168,24 @@ def test_an_error_is_told_and_the_queue_goes_on(queue, qtbot):
     qtbot.waitUntil(lambda: queue.is_idle)
     assert errors == [("opening", "scan.tif is cut off: copy it again.")]
     assert done == [True]
+
+
+def test_a_task_that_outlives_its_queue_says_nothing_and_raises_nothing(qtbot, monkeypatch):
+    let_go, raised = threading.Event(), []
+    monkeypatch.setattr(threading, "excepthook", lambda given: raised.append(given.exc_value))
+
+    def work(control):
+        let_go.wait(60)
+        control.report(0.5, "half")
+        return 1
+
+    queue = TaskQueue()
+    task = queue.submit(Task("deaf", work))
+    thread = task._thread
+    assert not queue.shut_down(0.05)
+    queue.deleteLater()
+    delete_later_now()  # the task is gone, and its thread goes on
+    let_go.set()
+    thread.join(20)
+    assert not thread.is_alive()
+    assert raised == []

@@ -222,6 +222,8 @@ class Gallery(QFrame):
         there = bodies is not None and len(bodies.keys) > 0
         for widget in (self.sort, self.falling, self.add, self.all):
             widget.setEnabled(there)
+        # Bodies of which nothing was measured have no factor that a range could be of.
+        self.add.setEnabled(there and bodies is not None and bool(bodies.columns))
         self.measure.setVisible(there and bodies is not None and "sphericity" not in bodies.columns)
         self._arrange()
 

@@ -133,3 +133,15 @@ def test_measured_factors_and_avatars_come_in(with_grains, gallery, idle, qtbot)
     window.undo.undo()
     gallery.tabs.setCurrentIndex(1)
     assert "no avatars" in gallery._hint.text()
+
+
+def test_bodies_of_which_nothing_was_measured_are_offered_no_range(window, idle):
+    gallery = window.shell.gallery_link.gallery
+    bodies = bodies_of(5)
+    gallery.show_bodies(bodies)
+    assert gallery.add.isEnabled()
+    gallery.show_bodies(Bodies("clones", bodies.keys, {}, "um", bodies.draw))
+    assert not gallery.add.isEnabled()
+    gallery.add.click()
+    assert gallery.ranges == []
+    gallery.show_bodies(None)
