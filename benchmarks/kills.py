@@ -56,7 +56,9 @@ SHARES = {"fit": 60, "segment": 30, "learn": 30, "generate": 40, "export": 50, "
 
 
 class Work(ABC):
-    """A kind of work in a folder of its own."""
+    """A kind of work in a folder of its own; what goes on is done again after some of the kills."""
+
+    goes_on = True
 
     def __init__(self, folder: Path, parts: Path) -> None:
         self.folder, self.parts, self.report = folder, parts, folder / "report"
@@ -230,6 +232,8 @@ class Save(Work):
 class Autosaving(Work):
     """Writing the window's autosave again and again, with avatars in its journal."""
 
+    goes_on = False  # the next program has a folder of its own
+
     def do(self) -> None:
         state = opened(self.parts / "fitted.mbs").state
         kept = Autosave.begin(self.folder / "autosave")
@@ -258,9 +262,6 @@ class Autosaving(Work):
         ]
         return lost + ([f"autosave {written}"] if written and project.state.fit_settings.n < written else [])
 
-    def litter(self) -> list[str]:
-        return []  # each program has a folder of its own, which the next start offers
-
 
 _WINDOW = """
 import os, sys
@@ -286,9 +287,11 @@ def work():
         begun.append(True)
         window.workspace.change_fit_settings(n=3)
         window.stations.fit.work.fit_all()
-    elif begun and not window.stations.fit.work.all_run.is_running:
-        window.project_files.asks = False
-        window.close()
+    elif begun and not window.stations.fit.work.all_run.is_running and window.queue.is_idle:
+        if window.workspace.is_modified:
+            window.project_files.save()
+        else:
+            window.close()
 
 timer = QTimer()
 timer.timeout.connect(work)
@@ -299,6 +302,8 @@ sys.exit(app.run(project_path="sand.mbs"))
 
 class Window(Fit):
     """The window in the midst of "Fit all"."""
+
+    goes_on = False
 
     def prepare(self) -> None:
         super().prepare()
@@ -311,9 +316,6 @@ class Window(Fit):
         )
         program.returncode = 0  # waited for by its number
         return program.pid
-
-    def litter(self) -> list[str]:
-        return []
 
 
 def make_parts(folder: Path, kinds: Collection[str]) -> None:
@@ -404,7 +406,7 @@ def try_kind(name: str, work: Work, kills: int, rng: np.random.Generator) -> lis
         reported += len(work.told())
         try:
             lost += [f"{name}, kill {number}: {one}" for one in work.missing()]
-            if number % 5 == 0:
+            if number % 5 == 0 and work.goes_on:
                 status = os.waitpid(work.start(), 0)[1]
                 lost += [f"{name}, kill {number}: again it ended with {status}"] if status else work.missing()
                 lost += [f"{name}, kill {number}: {one} lies about" for one in work.litter()]
