@@ -10,6 +10,7 @@ from typer.core import TyperCommand
 
 from mbstudio.cli import console, inputs
 from mbstudio.core.errors import EditError, ProjectError
+from mbstudio.core.formulas import nominal_diameter
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,6 +86,14 @@ ReplayOption = Annotated[
     list[Path] | None,
     typer.Option("--replay", metavar="PROJECT", help="Make the edits of another project here."),
 ]
+SuspiciousOption = Annotated[
+    int | None,
+    typer.Option(
+        "--suspicious",
+        metavar="N",
+        help="List the N grains that are most likely several, or parts of one; nothing is changed.",
+    ),
+]
 AxisOption = Annotated[str, typer.Option(help="The axis along which slices are looked at: z, y or x.")]
 OutputOption = Annotated[
     Path | None,
@@ -115,6 +124,7 @@ def edit(
     fill_holes: FillHolesOption = None,
     new_grain: NewGrainOption = None,
     replay: ReplayOption = None,
+    suspicious: SuspiciousOption = None,
     axis: AxisOption = "z",
     output: OutputOption = None,
     write_labels: WriteLabelsOption = None,
@@ -143,6 +153,9 @@ def edit(
     with Project.open(source) as project:
         if scan is not None:
             project.relocate_scan(scan)
+        if suspicious is not None:
+            _list_suspicious(project, suspicious, as_json)
+            return
         if not steps:
             _list_edits(project, as_json)
             return
@@ -226,6 +239,25 @@ def _list_edits(project: Project, as_json: bool) -> None:
     console.print_table(
         f"{len(grains.edits)} edits by hand", ("edit",), [(edit.described(),) for edit in grains.edits]
     )
+
+
+def _list_suspicious(project: Project, count: int, as_json: bool) -> None:
+    grains = project.grains
+    if grains is None or count < 1:
+        raise ProjectError("There are no grains to list: find them first, and list 1 or more.")
+    sizes = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
+    residuals = {
+        label: fit.verdict.rms / nominal_diameter(float(sizes[label]))
+        for label, fit in project.fits.items()
+        if label in sizes and label not in project.state.changed_labels
+    }
+    with console.progress("Looking at the grains") as report:
+        ranked = grains.suspicion(project.scan, residuals=residuals, progress=report).head(count)
+    if as_json:
+        console.print_json({"suspicious": ranked.to_dict("records")})
+        return
+    rows = list(ranked[["label", "score", "kind", "reasons"]].itertuples(index=False, name=None))
+    console.print_table("The most suspicious grains", ("grain", "score", "kind", "reasons"), rows)
 
 
 def _in_order(order: list[str], given: dict[str, list[Any] | None]) -> list[tuple[str, Any]]:

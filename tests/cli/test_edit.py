@@ -107,6 +107,17 @@ def test_without_an_edit_they_are_listed(mbstudio, path):
     assert path.read_bytes() == before
 
 
+def test_the_most_suspicious_grains_are_listed(mbstudio, path):
+    before = path.read_bytes()
+    found = json.loads(mbstudio("edit", path, "--suspicious", 2, "--json").out)["suspicious"]
+    assert found[0]["label"] == 3
+    assert len(found) == 2
+    assert found[0]["kind"] == "merged"
+    ran = mbstudio("edit", path, "--suspicious", 2)
+    assert "a neck" in ran.out
+    assert path.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

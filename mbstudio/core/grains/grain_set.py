@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from mbstudio.core.grains.editing.records import Edit
 from mbstudio.core.grains.grain import Grain
 from mbstudio.core.grains.grain_mesh import GrainMesh
 from mbstudio.core.grains.pieces import without_cavities
+from mbstudio.core.grains.suspicion.scoring import rank_grains
 from mbstudio.core.grains.verdict import SegmentationVerdict
 from mbstudio.core.scan.field_of_view import FieldOfView
 from mbstudio.core.units import VoxelSize
@@ -25,6 +26,8 @@ from mbstudio.core.units import VoxelSize
 if TYPE_CHECKING:
     import pandas as pd
     import trimesh
+
+    from mbstudio.core.scan.scan import Scan
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +141,19 @@ class GrainSet(EditableGrains):
             self.label_volume.family, label, self.stamps.get(label), self.meshes.get(label), self.voxel_size,
             self.origin,
         )  # fmt: skip
+
+    def suspicion(
+        self,
+        scan: Scan | None = None,
+        *,
+        residuals: Mapping[int, float] | None = None,
+        progress: Callable[[float, str], None] | None = None,
+    ) -> pd.DataFrame:
+        """Return which grains are probably several, or parts of one, the most suspicious first.
+
+        See :func:`~mbstudio.core.grains.suspicion.scoring.rank_grains`.
+        """
+        return rank_grains(self.label_volume, self.table, self.voxel_size, scan, residuals, progress)
 
     def name_of(self, label: int) -> str:
         """Return what a grain is called: by its file, or by its number."""

@@ -1,0 +1,153 @@
+"""How suspicious each grain is, with the reasons in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbstudio.core.errors import GrainError
+from mbstudio.core.grains.editing.boxes import box_of_row
+from mbstudio.core.grains.editing.label_volume import LabelVolume
+from mbstudio.core.grains.suspicion.measures import GrainMeasures, GrainMeasuring
+from mbstudio.core.scan.scan import Scan
+from mbstudio.core.units import VoxelSize
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class _Weights:
+    """A logistic model: log odds = constant + sum of weight * (measure - usual)."""
+
+    constant: float
+    usual: Mapping[str, float]
+    weights: Mapping[str, float]
+
+    def contributions(self, measures: GrainMeasures) -> dict[str, float]:
+        """Return what each measure adds to the log odds."""
+        return {
+            name: weight * (getattr(measures, name) - self.usual[name])
+            for name, weight in self.weights.items()
+        }
+
+
+# Found by logistic regression on phantoms of other seeds than those that benchmarks/suspicion.py reports on.
+MERGED = _Weights(
+    -5.425,
+    {"solidity": 0.913, "neck": 1.0, "inner_contrast": 0.0},
+    {"solidity": -53.128, "neck": -17.784, "inner_contrast": 22.77},
+)
+SPLIT = _Weights(
+    -6.405,
+    {"shared": 0.089, "contact": 0.692, "joint_solidity": 0.706, "border_contrast": 0.03},
+    {"shared": 10.749, "contact": 2.19, "joint_solidity": 4.658, "border_contrast": -2.638},
+)
+
+# A fit that leaves this many times the median residual speaks for a grain that is several. It was chosen by
+# hand: fits of thousands of phantoms take hours.
+_LARGE_RESIDUAL, _RESIDUAL_WEIGHT = 2.5, 1.5
+# From which contribution to the log odds on a measure is named as a reason.
+_WORTH_NAMING = 0.7
+
+BORDERLINE = 0.3
+"""Score from which a grain counts as suspicious."""
+
+
+def rank_grains(
+    volume: LabelVolume,
+    table: pd.DataFrame,
+    voxel_size: VoxelSize,
+    scan: Scan | None = None,
+    residuals: Mapping[int, float] | None = None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Return how suspicious each grain is, the most suspicious first.
+
+    Parameters
+    ----------
+    volume : LabelVolume
+    table : DataFrame
+        That of the grain set.
+    voxel_size : VoxelSize
+    scan : Scan, optional
+        Look at grey values across borders too.
+    residuals : mapping of int to float, optional
+        Root mean square distances of avatars over the nominal diameters of their grains, by label.
+    progress : callable, optional
+        ``progress(fraction, message)``; what it raises ends the work.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``label``, ``score`` (probability 0 to 1 that it is several grains or a part of one, among
+        grains as frequent as in the phantoms), ``kind`` (``merged`` or ``split``), ``neighbour``, the
+        measures of :class:`GrainMeasures`, ``residual``, and ``reasons`` in words.
+
+    Raises
+    ------
+    GrainError
+        If the scan is not of the labels' shape.
+    """
+    import pandas as pd  # imported late: it takes a third of a second
+
+    if scan is not None and scan.shape != volume.shape:
+        raise GrainError(
+            f"The scan has {scan.shape} voxels and the labels {volume.shape}: give the scan that the grains "
+            "were found in."
+        )
+    labels = [int(label) for label in table["label"]]
+    ends = table[["z0", "z1", "y0", "y1", "x0", "x1"]].to_numpy()
+    boxes = {label: box_of_row(row) for label, row in zip(labels, ends, strict=True)}
+    measuring = GrainMeasuring(volume, boxes, voxel_size, scan.voxels if scan is not None else None)
+    given = dict(residuals or {})
+    usual = float(np.median(list(given.values()))) if given else 0.0
+    rows = []
+    for place, label in enumerate(labels):
+        if progress is not None:
+            progress(place / len(labels), f"{place} of {len(labels)} grains")
+        rows.append(_row(label, measuring.measure(label), given.get(label), usual))
+    columns = ["label", "score", "kind", *GrainMeasures.__dataclass_fields__, "residual", "reasons"]
+    ranked = pd.DataFrame(rows, columns=columns)
+    return ranked.sort_values("score", ascending=False, kind="stable").reset_index(drop=True)
+
+
+def _row(label: int, measures: GrainMeasures, residual: float | None, usual: float) -> dict[str, object]:
+    merged, split = MERGED.contributions(measures), SPLIT.contributions(measures)
+    if residual is not None and usual > 0 and residual > _LARGE_RESIDUAL * usual:
+        merged["residual"] = _RESIDUAL_WEIGHT
+    odds = {
+        "merged": MERGED.constant + sum(merged.values()),
+        "split": SPLIT.constant + sum(split.values()) if measures.neighbour else -np.inf,
+    }
+    kind = max(odds, key=lambda name: odds[name])
+    named = sorted(({"merged": merged, "split": split}[kind]).items(), key=lambda item: -item[1])
+    reasons = [_words(name, measures, residual) for name, weight in named if weight >= _WORTH_NAMING]
+    return {
+        "label": label,
+        "score": float(1 / (1 + np.exp(-odds[kind]))),
+        "kind": kind,
+        **{name: getattr(measures, name) for name in GrainMeasures.__dataclass_fields__},
+        "residual": np.nan if residual is None else residual,
+        "reasons": "; ".join(reasons),
+    }
+
+
+def _words(name: str, measures: GrainMeasures, residual: float | None) -> str:
+    """Return what a measure says, in words."""
+    neighbour = measures.neighbour
+    return {
+        "solidity": f"fills {measures.solidity:.0%} of its convex hull",
+        "neck": f"a neck {measures.neck:.0%} as wide as the smaller of its parts",
+        "inner_contrast": f"darker by {measures.inner_contrast:.0%} of the contrast at its neck",
+        "shared": f"{measures.shared:.0%} of its border lies at grain {neighbour}",
+        "contact": f"its contact with grain {neighbour} is {measures.contact:.0%} as wide as the smaller one",
+        "joint_solidity": f"convex together with grain {neighbour} ({measures.joint_solidity:.0%} of alone)",
+        "border_contrast": f"the scan shows no border to grain {neighbour} ({measures.border_contrast:.0%})",
+        "residual": f"its avatar is off by {0.0 if residual is None else residual:.1%} of its diameter",
+    }[name]
