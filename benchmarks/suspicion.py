@@ -86,9 +86,8 @@ def report(rows: list[tuple[int, str, float]]) -> None:
     hits, told, there = counts.sum(axis=0)
     errors = (drawn[:, 0] / np.maximum(drawn[:, 1:].T, 1)).std(axis=1)
     print(f"{len(rows)} grains of {len(counts)} scans, {there} merged or split, {told} suspicious")
-    print(
-        f"precision {hits / max(told, 1):.2f} +- {errors[0]:.2f}, recall {hits / max(there, 1):.2f} +- {errors[1]:.2f}"
-    )
+    precision, recall = hits / max(told, 1), hits / max(there, 1)
+    print(f"precision {precision:.2f} +- {errors[0]:.2f}, recall {recall:.2f} +- {errors[1]:.2f}")
     for kind in ("merged", "split"):
         print(f"{kind}: {(found & (kinds == kind)).sum()} of {(kinds == kind).sum()} found")
     first = np.argsort(-np.array([row[2] for row in rows]), kind="stable")[:100]
