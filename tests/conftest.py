@@ -36,9 +36,6 @@ def _loads(library: str) -> bool:
 
 def _set_headless_environment() -> None:
     os.environ["MPLBACKEND"] = "Agg"
-    # scikit-learn sets these when it is first imported, which no test is to blame for.
-    os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")
-    os.environ.setdefault("KMP_INIT_AT_FORK", "FALSE")
     os.environ["PYVISTA_OFF_SCREEN"] = "true"
     # What scikit-learn sets for itself when a test first needs it.
     os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")
@@ -87,6 +84,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(skip_gl)
 
 
+_SET_BY_LIBRARIES = ("PYTEST_CURRENT_TEST", "KMP_", "TORCHINDUCTOR_")
+
+
 @pytest.fixture(autouse=True)
 def _environment_stays_as_it_was() -> Iterator[None]:
     """Fail a test that leaves an environment variable behind, which would steer the tests after it."""
@@ -102,7 +102,8 @@ def _environment_stays_as_it_was() -> Iterator[None]:
 
 
 def _environment() -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+    # What scikit-learn and torch set when they are first used is no test's doing.
+    return {name: value for name, value in os.environ.items() if not name.startswith(_SET_BY_LIBRARIES)}
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,27 +78,20 @@ class ByHand:
         return latent
 
     def _read_table_latent(self, path: Path, name: str) -> np.ndarray:
-        import pandas as pd
+        from mbstudio.core.vae.shaping.latent_files import read_latents
 
-        try:
-            table = pd.read_csv(path, dtype={"name": str}).set_index("name")
-            vector = table.filter(regex=r"^z\d+$").loc[name].to_numpy(dtype=float)
-        except (OSError, KeyError, ValueError) as error:
+        vectors = read_latents(path)
+        if name not in vectors:
             raise StyleError(
-                f"{path} has no latent vector named '{name}' ({error}): give a name from its column 'name'."
-            ) from error
-        return self._require_dimension(path, vector)
+                f"{path} has no latent vector named '{name}': give a name from its column 'name'."
+            )
+        return self._require_dimension(path, vectors[name])
 
     def _read_recipe_latent(self, path: Path, name: str) -> np.ndarray:
-        from mbstudio.core.vae.shaping.latent_recipe import read_recipe, style_digest
+        from mbstudio.core.vae.shaping.latent_files import read_recipes
+        from mbstudio.core.vae.shaping.latent_recipe import style_digest
 
-        try:
-            records = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise StyleError(
-                f"{path} cannot be read as recipes ({error}): give a recipes.json that mbstudio wrote."
-            ) from error
-        recipes = [read_recipe(record) for record in (records if isinstance(records, list) else [])]
+        recipes = read_recipes(path)
         found = next((recipe for recipe in recipes if recipe.name == name), None)
         if found is None:
             known = ", ".join(recipe.name for recipe in recipes) or "none"

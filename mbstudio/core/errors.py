@@ -90,6 +90,10 @@ class StyleError(MbstudioError):
     """A style-learner that cannot be trained, read or written as requested."""
 
 
+class StyleWarning(UserWarning):
+    """A style-learner could be opened, but the user should know something about its files."""
+
+
 class GenerationError(MbstudioError):
     """New grains that cannot be generated from these parents."""
 

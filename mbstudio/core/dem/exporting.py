@@ -218,9 +218,11 @@ def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
         chosen.validate(folder, manifest)
         if "specimen" in manifest:
             check_specimen(folder, manifest)
-    except (KeyError, TypeError) as error:
+    except (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        told = " ".join(str(error).split())[:200]
         raise ExportError(
-            f"{folder / FILE_NAME} has a missing or invalid entry {error}: export again."
+            f"{folder / FILE_NAME} or a file that it names has a missing or invalid entry {told}: "
+            "export again."
         ) from error
     if digests:
         check_digests(folder, manifest)

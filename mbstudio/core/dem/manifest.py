@@ -12,6 +12,7 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody, is_finite
 from mbstudio.core.errors import ExportError
+from mbstudio.core.plain_files import PlainFileError, read_json
 from mbstudio.core.units import METRES_PER_UNIT
 from mbstudio.core.version import __version__
 
@@ -88,11 +89,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         If it is missing, not JSON, of another format or a later version, or its numbers cannot be.
     """
     path = folder / FILE_NAME
+    if not path.exists():
+        raise ExportError(f"{path} is missing: {folder} is not an export of mbstudio.")
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise ExportError(f"{path} is missing: {folder} is not an export of mbstudio.") from error
-    except (OSError, ValueError) as error:
+        manifest = read_json(path)
+    except PlainFileError as error:
         raise ExportError(f"{path} cannot be read ({error}): export again.") from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise ExportError(f"{path} is not a manifest of mbstudio.")
@@ -102,8 +103,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         )
     try:
         _check_numbers(path, manifest)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ExportError(f"{path} has a missing or invalid entry {error}: export again.") from error
+    except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
+        told = " ".join(str(error).split())[:200]
+        raise ExportError(f"{path} has a missing or invalid entry {told}: export again.") from error
     return manifest
 
 
@@ -112,10 +114,12 @@ def files_of_earlier_export(folder: Path) -> list[str] | None:
     if not (folder / FILE_NAME).is_file():
         return None
     try:
-        manifest = json.loads((folder / FILE_NAME).read_text(encoding="utf-8"))
-    except ValueError:
+        manifest = read_json(folder / FILE_NAME)
+    except PlainFileError:
         return None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        return None
+    if not isinstance(manifest.get("files", {}), dict):
         return None
     return [FILE_NAME, *(str(name) for name in manifest.get("files", {}))]
 
@@ -142,6 +146,8 @@ def check_moments(what: str, mass: float, moments: Sequence[float]) -> None:
 
 
 def _check_numbers(path: Path, manifest: Mapping[str, Any]) -> None:
+    if not isinstance(manifest["target"], str) or not isinstance(manifest["unit"], str):
+        raise ValueError("'target' or 'unit'")
     if manifest["unit"] not in METRES_PER_UNIT:
         raise ExportError(f"{path} has the unknown unit '{manifest['unit']}'.")
     density = manifest["density"]

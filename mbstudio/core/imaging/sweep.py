@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,6 +19,7 @@ from mbstudio.core.imaging.fitting import start_fit
 from mbstudio.core.imaging.goals.likeness import Likeness
 from mbstudio.core.imaging.options import make_options
 from mbstudio.core.imaging.steps import FitResult, Method, SearchStep
+from mbstudio.core.plain_files import PlainFileError, parse_json, read_plain_text
 
 UNKNOWN = float("nan")
 MEASURES = ("overlap_error", "hausdorff", "rms")
@@ -324,16 +326,19 @@ def read_sweep(path: Path) -> list[SweepRow]:
     Raises
     ------
     FitError
-        If the file is no table of a sweep.
-    OSError
-        If it cannot be read.
+        If the file cannot be read, or is no table of a sweep.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            return [_row_of(cells) for cells in csv.DictReader(stream)]
-    except (KeyError, ValueError, TypeError, csv.Error) as error:
+        text = read_plain_text(path)
+        return [_row_of(cells) for cells in csv.DictReader(io.StringIO(text, newline=""))]
+    except PlainFileError as error:
         raise FitError(
-            f"{path} is not the table of a sweep ({type(error).__name__}: {error}): give another file."
+            f"{path} cannot be read as the table of a sweep ({error}): give another file."
+        ) from error
+    except (AttributeError, KeyError, OverflowError, ValueError, TypeError, csv.Error) as error:
+        told = " ".join(str(error).split())[:200]
+        raise FitError(
+            f"{path} is not the table of a sweep ({type(error).__name__}: {told}): give another file."
         ) from error
 
 
@@ -365,5 +370,12 @@ def _row_of(cells: dict[str, str]) -> SweepRow:
         errors={name: value for name, value in errors.items() if value == value},
         valid=cells["valid"] == "True",
         error=cells["error"],
-        options=json.loads(cells["options"]),
+        options=_options(cells["options"]),
     )
+
+
+def _options(text: str) -> dict[str, Any]:
+    found = parse_json(text)
+    if not isinstance(found, dict):
+        raise ValueError("options is no record of names and values")
+    return found

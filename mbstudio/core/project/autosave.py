@@ -20,6 +20,7 @@ from typing import IO, TYPE_CHECKING
 
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.locking import try_lock
+from mbstudio.core.plain_files import parse_json
 from mbstudio.core.project.file import read_embedded_scan, read_project, write_project
 from mbstudio.core.project.project import Project
 from mbstudio.core.project.sealed_file import identify
@@ -254,7 +255,7 @@ class Autosave:
         try:
             content = (self.folder / _NOTE).read_bytes()
             check_json(content)
-            told = json.loads(content)
+            told = parse_json(content)
             note = AutosaveNote(
                 path=Path(told["path"]) if told["path"] else None,
                 saved=datetime.fromisoformat(told["saved"]),
@@ -275,7 +276,8 @@ class Autosave:
             TypeError,
             ValueError,
         ) as error:
-            reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+            told = " ".join(str(error).split())[:200]
+            reason = f"{told} is missing" if isinstance(error, KeyError) else told
             raise ProjectError(f"The autosaved work in {self.folder} cannot be read ({reason}).") from error
         return note, parts
 

@@ -20,9 +20,10 @@ from scipy.spatial.transform import Rotation
 from mbstudio.core.dem.body import DemBody, is_finite
 from mbstudio.core.dem.formats.shape_checks import METABALL_SCRIPT, check_script, write_script
 from mbstudio.core.dem.target import Job, Target, Written
-from mbstudio.core.errors import AvatarError, ExportError
+from mbstudio.core.errors import AvatarError, ExportError, UnitError
 from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.plain_files import PlainFileError, read_json, read_plain_text
 from mbstudio.core.units import METRES_PER_UNIT, parse_unit
 
 FORMAT = "mbstudio-metaball"
@@ -97,9 +98,12 @@ def read_metaball(path: str | Path, *, frame: Literal["source", "principal"] = "
         weights = np.asarray(record["weights"], dtype=float)
         position = np.asarray(record["pose"]["position"], dtype=float).reshape(3)
         w, x, y, z = (float(part) for part in record["pose"]["quaternion"])
-        name, label = str(record["name"]), record["label"]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ExportError(f"{path.with_suffix('.json')} has a missing or invalid entry {error}.") from error
+        name, label = record["name"], record["label"]
+        if not isinstance(name, str) or not (label is None or type(label) is int):
+            raise ValueError("'name' or 'label'")
+    except (KeyError, OverflowError, TypeError, UnitError, ValueError) as error:
+        told = " ".join(str(error).split())[:200]
+        raise ExportError(f"{path.with_suffix('.json')} has a missing or invalid entry {told}.") from error
     if abs(np.linalg.norm([w, x, y, z]) - 1) > 1e-6 or not is_finite(position):
         raise ExportError(f"{path.with_suffix('.json')} has a pose that is not a rotation and a position.")
     if path.suffix.lower() == ".csv":
@@ -115,8 +119,8 @@ def read_metaball(path: str | Path, *, frame: Literal["source", "principal"] = "
 
 def _read_record(path: Path) -> dict[str, Any]:
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        record = read_json(path)
+    except PlainFileError as error:
         raise ExportError(f"{path} cannot be read ({error}).") from error
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise ExportError(f"{path} is not a metaball file of mbstudio.")
@@ -128,10 +132,13 @@ def _read_record(path: Path) -> dict[str, Any]:
 def read_table(path: Path) -> Float[np.ndarray, "n 4"]:
     """Return the rows x, y, z, k of a table of control points; ExportError if it is none."""
     try:
-        header, *lines = path.read_text(encoding="ascii").splitlines()
+        header, *lines = read_plain_text(path).splitlines() or [""]
         table = np.array([[float(cell) for cell in line.split(",")] for line in lines], dtype=float)
-    except (OSError, ValueError) as error:
+    except PlainFileError as error:
         raise ExportError(f"{path} cannot be read ({error}).") from error
+    except ValueError as error:
+        told = " ".join(str(error).split())[:200]
+        raise ExportError(f"{path} is no table of control points ({told}).") from error
     if header != _HEADER:
         raise ExportError(f"{path} has the header '{header}' instead of '{_HEADER}'.")
     if table.ndim != 2 or table.shape[1] != 4 or not np.isfinite(table).all() or table[:, 3].min() <= 0:

@@ -100,7 +100,7 @@ class ModelCard:
             for name in ("settings", "versions", "quality"):
                 known[name] = dict(known[name])
             return cls(**known)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise StyleError(f"Its model card is incomplete: {error}.") from None
 
 

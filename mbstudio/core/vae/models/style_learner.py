@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64
 
-from mbstudio.core.errors import MbstudioError, StyleError
+from mbstudio.core.errors import MbstudioError, StyleError, StyleWarning
+from mbstudio.core.plain_files import PlainFileError, parse_json, read_plain_bytes
 from mbstudio.core.replacement import replacing
 from mbstudio.core.sealing import BrokenSealError, check_json, seal_json
 from mbstudio.core.vae.models.features import Scaler
@@ -25,6 +26,7 @@ FORMAT = 1
 CARD_FILE = "style-learner.json"
 _KIND = "mbstudio style-learner"
 _LARGEST_CARD = 100 * 2**20
+_LARGEST_WEIGHTS = 2 * 2**30
 
 
 _PARENT_ARRAYS = ("centers", "log_weights", "diameters", "rms", "valid")
@@ -311,15 +313,18 @@ def read_learner(folder: Path) -> StyleLearner:
     entries = read_entries(path)
     try:
         weights = folder / Path(str(entries["weights"])).name
-        content = _read(weights)
+        content = _read(weights, _LARGEST_WEIGHTS)
         if hashlib.sha256(content).hexdigest() != entries["sha256"]:
             raise StyleError(
                 f"{weights} is not the file that {path.name} was written with (truncated, changed or from "
                 "another style-learner): copy the whole folder again."
             )
         return build_learner(entries, _tensors(content, weights), weights)
-    except (KeyError, TypeError, ValueError) as error:
-        raise StyleError(f"{path} is incomplete ({error!r}): save the style-learner again.") from None
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
+        told = " ".join(str(error).split())[:200]
+        raise StyleError(
+            f"{path} is incomplete ({type(error).__name__}: {told}): save the style-learner again."
+        ) from None
     except MbstudioError as error:
         if str(path) in str(error) or str(folder) in str(error):
             raise
@@ -334,16 +339,14 @@ def read_entries(path: Path) -> dict[str, Any]:
     StyleError
         If it is missing, damaged, no JSON, foreign or newer.
     """
-    content = _read(path)
-    if len(content) > _LARGEST_CARD:
-        raise StyleError(f"{path} is {len(content) >> 20} MiB long, too long for a style-learner.")
+    content = _read(path, _LARGEST_CARD)
     try:
-        check_json(content)
+        sealed = check_json(content)
     except BrokenSealError as error:
         raise StyleError(f"{path} is damaged ({error}): take another copy of the folder.") from None
     try:
-        entries = json.loads(content)
-    except (ValueError, RecursionError):
+        entries = parse_json(content)
+    except PlainFileError:
         raise StyleError(f"{path} is damaged or no JSON file: take another copy of the folder.") from None
     if not isinstance(entries, dict) or entries.get("kind") != _KIND:
         raise StyleError(f"{path} is not a style-learner: choose a folder in which one was saved.")
@@ -355,14 +358,21 @@ def read_entries(path: Path) -> dict[str, Any]:
             f"{path} has format {form}, from a newer mbstudio than this, which reads up to {FORMAT}: "
             "update mbstudio."
         )
+    if not sealed:
+        warnings.warn(
+            f"{path} carries no digest: it was written by an mbstudio that did not seal its files, and "
+            "damage of it would go unseen. Saving the style-learner again seals it.",
+            StyleWarning,
+            stacklevel=2,
+        )
     return entries
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path, most: int) -> bytes:
     try:
-        return path.read_bytes()
-    except OSError as error:
-        raise StyleError(f"{path} cannot be read: {error.strerror or error}.") from error
+        return read_plain_bytes(path, most)
+    except PlainFileError as error:
+        raise StyleError(f"{path} cannot be read: {error}.") from error
 
 
 def _tensors(content: bytes, path: Path) -> Tensors:

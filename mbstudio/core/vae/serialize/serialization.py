@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from mbstudio.core.errors import SerializationError
+from mbstudio.core.errors import MbstudioError, SerializationError
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.plain_files import PlainFileError, read_npz
 from mbstudio.core.replacement import replacing
 from mbstudio.core.units import parse_unit
 
@@ -218,6 +218,15 @@ def build_serialization(arrays: Mapping[str, np.ndarray], source: str = "The fil
     missing = [name for name in wanted if name not in arrays]
     if missing:
         raise SerializationError(f"{source} contains no serialized avatars: '{missing[0]}' is missing.")
+    # Texts of a project file arrive as objects.
+    kinds = {"unit": "UO", "names": "UO", "valid": "b"}
+    for name in [*wanted, *(["template_stiffness"] if "template_stiffness" in arrays else [])]:
+        if arrays[name].dtype.kind not in kinds.get(name, "fiu"):
+            raise SerializationError(
+                f"{source} contains no serialized avatars: '{name}' holds {arrays[name].dtype}."
+            )
+    if arrays["unit"].ndim or arrays["names"].ndim != 1:
+        raise SerializationError(f"{source} contains no serialized avatars: its unit or names are none.")
     return Serialization(
         Template(
             **{name: arrays[f"template_{name}"] for name in _TEMPLATE},
@@ -254,8 +263,12 @@ def load_serialization(path: str | Path) -> Serialization:
         If the file cannot be read, or holds none.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        arrays = read_npz(Path(path))
+    except PlainFileError as error:
         raise SerializationError(f"{path} cannot be read as serialized avatars ({error}).") from error
-    return build_serialization(arrays, str(path))
+    try:
+        return build_serialization(arrays, str(path))
+    except MbstudioError as error:
+        if str(path) in str(error):
+            raise
+        raise SerializationError(f"{path} is damaged: {error}") from error

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, Float64
 
-from mbstudio.core.errors import StyleError
+from mbstudio.core.errors import StyleError, UnitError
+from mbstudio.core.units import parse_unit
 from mbstudio.core.vae.shaping.latent_recipe import Operation, Recipe, carry_out, read_recipe, style_digest
 
 if TYPE_CHECKING:
@@ -65,8 +66,8 @@ def read_kept_grain(record: Mapping[str, Any]) -> KeptGrain:
     """
     try:
         factors = tuple(float(value) for value in record["factors"])
-        return KeptGrain(read_recipe(record), factors, str(record["unit"]))
-    except (KeyError, TypeError, ValueError) as error:
+        return KeptGrain(read_recipe(record), factors, parse_unit(record["unit"]))
+    except (KeyError, OverflowError, TypeError, UnitError, ValueError) as error:
         raise StyleError(f"{error} of a kept grain is missing or invalid.") from None
 
 

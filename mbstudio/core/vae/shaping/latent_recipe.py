@@ -8,6 +8,7 @@ given; its randomness is a seed. What it leads to is kept within the parents' ra
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -107,17 +108,28 @@ def read_recipe(record: Mapping[str, Any]) -> Recipe:
     Raises
     ------
     StyleError
-        If something is missing from it.
+        If something is missing from it, or cannot be.
     """
+    if not isinstance(record, Mapping):
+        raise StyleError("A recipe is no record of names and values.")
     try:
         steps = tuple(
             Operation(str(step["kind"]), dict(step["given"]), str(step["words"]))
             for step in record["operations"]
         )
-        latent = tuple(float(value) for value in record["z"])
-        return Recipe(str(record["name"]), latent, steps, str(record["style"]))
-    except (KeyError, TypeError, ValueError) as error:
+        latent = tuple(finite_number(value) for value in record["z"])
+        if not latent or not isinstance(record["name"], str) or not isinstance(record["style"], str):
+            raise StyleError("A recipe has no latent vector, or a name or style that is no text.")
+        return Recipe(record["name"], latent, steps, record["style"])
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise StyleError(f"{error} of a recipe is missing or invalid.") from None
+
+
+def finite_number(value: Any) -> float:
+    """Return a number as it came from JSON; ValueError unless it is one, and finite."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
+        raise ValueError(f"The number {str(value)[:40]!r}")
+    return float(value)
 
 
 def style_digest(learner: StyleLearner) -> str:
@@ -149,6 +161,9 @@ def carry_out(
         moved = OPERATIONS[operation.kind](learner, here, operation.given, meanings)
     except KeyError as error:
         raise StyleError(f"Operation '{operation.kind}' lacks {error}.") from None
+    except (IndexError, OverflowError, TypeError, ValueError) as error:
+        told = " ".join(str(error).split())[:200]
+        raise StyleError(f"Operation '{operation.kind}' was given something impossible: {told}.") from error
     outside = by_hand.is_far_outside(learner, moved)
     held = outside and not operation.given.get(BEYOND)
     return (by_hand.clamp(learner, moved) if held else moved), outside

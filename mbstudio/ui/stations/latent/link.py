@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -15,7 +15,6 @@ from PySide6.QtWidgets import QFileDialog
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metrics.factor_table import LATENT_MEANINGS
 from mbstudio.core.units import unit_label
-from mbstudio.core.vae.models.style_learner import load_style_learner
 from mbstudio.core.vae.shaping.latent import align_to, interpolate
 from mbstudio.core.vae.shaping.latent_recipe import Operation
 from mbstudio.core.vae.shaping.live_grain import AT_REST, live_grain
@@ -33,6 +32,7 @@ from mbstudio.ui.stations.latent.shelf import Shelf
 from mbstudio.ui.stations.latent.work import LatentWork
 from mbstudio.ui.stations.station import Station
 from mbstudio.ui.studio import Studio
+from mbstudio.ui.style_folder import open_style_folder
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.workers import Task
 
@@ -128,8 +128,15 @@ class LatentLink(QObject):
 
     def open_style(self, folder: Path) -> None:
         """Open a style-learner in the background."""
-        task = Task(tr("Opening the style-learner"), lambda control: load_style_learner(folder))
-        task.succeeded.connect(lambda learner: self._studio.workspace.use_style(learner, tr("Open style")))
+
+        def take(opened: tuple[Any, tuple[str, ...]]) -> None:
+            learner, notes = opened
+            self._studio.workspace.use_style(learner, tr("Open style"))
+            for note in notes:
+                self._studio.say("warning", note)
+
+        task = Task(tr("Opening the style-learner"), lambda control: open_style_folder(folder))
+        task.succeeded.connect(take)
         self._studio.queue.submit(task)
 
     def _take_style(self) -> None:

@@ -20,6 +20,7 @@ from mbstudio.core.vae.models.presets import PRESETS, find_preset
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
+from mbstudio.ui.style_folder import open_style_folder
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
@@ -276,14 +277,15 @@ class StyleWork(Work):
     def open(self, folder: Path) -> Task:
         """Read the style-learner of a folder."""
 
-        def work(control: Control) -> Any:
-            from mbstudio.core.vae.models.style_learner import load_style_learner
+        def take(opened: tuple[Any, tuple[str, ...]]) -> None:
+            learner, notes = opened
+            self.workspace.use_style(learner, tr("Open style-learner"))
+            for note in notes:
+                self.said.emit("warning", note)
+            self.began.emit()
 
-            return load_style_learner(folder)
-
-        task = Task(tr("Opening {name}", name=folder.name), work)
-        task.succeeded.connect(lambda learner: self.workspace.use_style(learner, tr("Open style-learner")))
-        task.succeeded.connect(lambda _: self.began.emit())
+        task = Task(tr("Opening {name}", name=folder.name), lambda control: open_style_folder(folder))
+        task.succeeded.connect(take)
         self.records = []
         return self.queue.submit(task)
 

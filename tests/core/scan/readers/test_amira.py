@@ -19,7 +19,7 @@ from mbstudio.core.errors import GrainWarning, ScanError, UnitError
 from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project
 from mbstudio.core.scan import open_scan
-from tests.core.scan.readers.mutated_files import problems_of
+from tests.fuzzing.harness import problems_of
 
 KINDS = {
     "uint8": "byte",

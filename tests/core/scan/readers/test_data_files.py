@@ -14,7 +14,7 @@ import SimpleITK as sitk
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan import open_scan
-from tests.core.scan.readers.mutated_files import problems_of
+from tests.fuzzing.harness import problems_of
 
 HEAD = ("ObjectType = Image", "NDims = 3", "DimSize = 11 7 5", "ElementType = MET_USHORT")
 

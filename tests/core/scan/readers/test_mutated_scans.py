@@ -16,7 +16,7 @@ import tifffile
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan import open_scan
-from tests.core.scan.readers.mutated_files import problems_of
+from tests.fuzzing.harness import problems_of
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from mbstudio.core.errors import ScanError, ScanWarning, UnitError
 from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project
 from mbstudio.core.scan import open_scan
-from tests.core.scan.readers.mutated_files import problems_of
+from tests.fuzzing.harness import problems_of
 
 VGI = """{volume1}
 [representation]

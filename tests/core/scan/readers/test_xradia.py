@@ -19,8 +19,8 @@ from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project
 from mbstudio.core.scan import open_scan
 from mbstudio.core.scan.readers import xradia
-from tests.core.scan.readers.mutated_files import problems_of
 from tests.core.scan.readers.ole_writer import ole_file
+from tests.fuzzing.harness import problems_of
 
 CODES = {"uint8": 3, "int16": 4, "uint16": 5, "float32": 10}
 
