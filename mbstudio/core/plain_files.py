@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import stat
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -130,6 +131,7 @@ def read_npz(path: Path, most: int = 2 * MOST_BYTES) -> dict[str, np.ndarray]:
         RecursionError,
         RuntimeError,
         SyntaxError,
+        tokenize.TokenError,
         TypeError,
         ValueError,
     ) as error:

@@ -58,6 +58,19 @@ def test_arrays_that_claim_more_than_there_is(tmp_path: Path) -> None:
             archive.writestr("a.npy", stream.getvalue() + content)
         with pytest.raises(PlainFileError, match=told):
             read_npz(tmp_path / "a.npz")
+    for header in (
+        b"{'descr': '<f8', 'shape': (1",
+        b"[" * 100,
+        b"\0",
+        b"{1: 2}",
+        b"{'descr': 'O', 'shape': (), ",
+    ):
+        head = b"\x93NUMPY\x01\0" + len(header).to_bytes(2, "little") + header
+        with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+            archive.writestr("a.npy", head + bytes(8))
+        with pytest.raises(PlainFileError) as caught:
+            read_npz(tmp_path / "a.npz")
+        assert "\n" not in str(caught.value)
     np.savez_compressed(tmp_path / "a.npz", a=np.zeros(10**7))
     with pytest.raises(PlainFileError, match="unpack to more than 50 MiB"):
         read_npz(tmp_path / "a.npz", 50 << 20)

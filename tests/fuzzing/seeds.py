@@ -232,7 +232,7 @@ def _journals(folder: Path) -> list[Case]:
     from mbstudio.core.project.fit_journal import FitJournal, Origin
 
     rng = np.random.default_rng(1)
-    journal = FitJournal(folder / "p.mbs.journal", Origin("", "0" * 64), {2: make_fit(2, 3, rng)})
+    journal = FitJournal(folder / "p.mbs.journal", Origin("", "0" * 64), {2: make_fit(2, 3, rng)}, {})
     for label in (3, 4):
         journal.keep(label, make_fit(label, 4, rng))
     journal.close()

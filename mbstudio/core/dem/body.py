@@ -129,6 +129,14 @@ def _made_names(avatars: Sequence[Avatar]) -> list[str]:
     return made
 
 
+def is_unit_quaternion(parts: Sequence[float] | np.ndarray) -> bool:
+    """Return whether four numbers are a quaternion of length 1; larger ones are not squared first."""
+    found = np.asarray(parts, dtype=float)
+    if found.shape != (4,) or not (np.abs(found) <= 1.1).all():
+        return False
+    return bool(abs(np.linalg.norm(found) - 1) <= 1e-6)
+
+
 def is_finite(*arrays: object) -> bool:
     """Return whether every number in the arrays is finite."""
     return all(bool(np.isfinite(np.asarray(array, dtype=float)).all()) for array in arrays)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.body import DemBody, is_finite
+from mbstudio.core.dem.body import DemBody, is_finite, is_unit_quaternion
 from mbstudio.core.errors import ExportError
 from mbstudio.core.plain_files import PlainFileError, read_json
 from mbstudio.core.units import METRES_PER_UNIT
@@ -160,7 +160,7 @@ def _check_numbers(path: Path, manifest: Mapping[str, Any]) -> None:
         if not (is_finite(item["volume"]) and item["volume"] > 0):
             raise ExportError(f"{path}: '{item['name']}' has a volume of {item['volume']}.")
         quaternion = np.asarray(item["pose"]["quaternion"], dtype=float)
-        if quaternion.shape != (4,) or abs(np.linalg.norm(quaternion) - 1) > 1e-6:
+        if not is_unit_quaternion(quaternion):
             raise ExportError(f"{path}: the quaternion of '{item['name']}' is not of length 1.")
         if not is_finite(item["pose"]["position"]):
             raise ExportError(f"{path}: the position of '{item['name']}' is not finite.")

@@ -7,7 +7,6 @@ unit**2), ``volume`` in unit**3 and ``radius``, that of the bounding sphere abou
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -21,6 +20,7 @@ from mbstudio.core.dem.shapes.remesh import well_shaped_mesh
 from mbstudio.core.dem.target import Job, Written
 from mbstudio.core.errors import ExportError
 from mbstudio.core.options import Option
+from mbstudio.core.plain_files import PlainFileError, read_npz
 from mbstudio.core.units import METRES_PER_UNIT
 
 OPTIONS = MappingProxyType(
@@ -79,15 +79,17 @@ def write_level_sets(job: Job) -> Written:
 def read_level_set(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of a grid file; ExportError if it cannot be read or lacks one."""
     try:
-        # Opened here: what NumPy opens stays open when it turns out to be no archive.
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            found = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        found = read_npz(path)
+    except PlainFileError as error:
         raise ExportError(f"{path} cannot be read ({error}).") from error
     for name, dimensions in _SHAPES.items():
         if name not in found:
             raise ExportError(f"{path} lacks '{name}'.")
-        if found[name].ndim != dimensions or not np.isfinite(found[name]).all():
+        if (
+            found[name].dtype.kind not in "fiu"
+            or found[name].ndim != dimensions
+            or not np.isfinite(found[name]).all()
+        ):
             raise ExportError(f"'{name}' in {path} has the wrong shape or is not finite.")
     return found
 

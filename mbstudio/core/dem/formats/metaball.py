@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from mbstudio.core.dem.body import DemBody, is_finite
+from mbstudio.core.dem.body import DemBody, is_finite, is_unit_quaternion
 from mbstudio.core.dem.formats.shape_checks import METABALL_SCRIPT, check_script, write_script
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import AvatarError, ExportError, UnitError
@@ -101,10 +101,12 @@ def read_metaball(path: str | Path, *, frame: Literal["source", "principal"] = "
         name, label = record["name"], record["label"]
         if not isinstance(name, str) or not (label is None or type(label) is int):
             raise ValueError("'name' or 'label'")
+        if centers.ndim != 2 or centers.shape[1] != 3 or not is_finite(centers):
+            raise ValueError("'centers'")
     except (KeyError, OverflowError, TypeError, UnitError, ValueError) as error:
         told = " ".join(str(error).split())[:200]
         raise ExportError(f"{path.with_suffix('.json')} has a missing or invalid entry {told}.") from error
-    if abs(np.linalg.norm([w, x, y, z]) - 1) > 1e-6 or not is_finite(position):
+    if not is_unit_quaternion([w, x, y, z]) or not is_finite(position):
         raise ExportError(f"{path.with_suffix('.json')} has a pose that is not a rotation and a position.")
     if path.suffix.lower() == ".csv":
         table = read_table(path)

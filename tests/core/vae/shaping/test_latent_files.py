@@ -58,9 +58,11 @@ def test_recipes_are_read_and_damaged_ones_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps([record]), encoding="utf-8")
     assert read_recipes(path) == [recipe]
     for damaged in (
-        {**record, "z": [0.1, "abc"]}, {**record, "z": []}, {**record, "z": [True]}, {**record, "z": [10**400]},
+        {**record, "z": [0.1, "abc"]}, {**record, "z": []}, {**record, "z": [True]},
+        {**record, "z": [10**400]},
         {**record, "z": {"a": 1}}, {**record, "name": 7}, {**record, "operations": [1]},
-        {**record, "operations": [{"kind": "x"}]}, {k: v for k, v in record.items() if k != "z"}, [], "abc", None,
+        {**record, "operations": [{"kind": "x"}]}, {k: v for k, v in record.items() if k != "z"},
+        [], "abc", None,
     ):  # fmt: skip
         path.write_text(json.dumps([damaged]), encoding="utf-8")
         with pytest.raises(StyleError, match=r"recipes\.json is damaged: ") as caught:
