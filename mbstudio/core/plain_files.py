@@ -169,13 +169,13 @@ def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
 
 
 def _refuse(word: str) -> float:
-    raise PlainFileError(f"it names the number {word}")
+    raise PlainFileError(f"it names the number {word}, which is not finite")
 
 
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise PlainFileError(f"it names the number {text[:40]}")
+        raise PlainFileError(f"it names the number {text[:40]}, which is not finite")
     return value
 
 

@@ -332,9 +332,7 @@ def read_sweep(path: Path) -> list[SweepRow]:
         text = read_plain_text(path)
         return [_row_of(cells) for cells in csv.DictReader(io.StringIO(text, newline=""))]
     except PlainFileError as error:
-        raise FitError(
-            f"{path} cannot be read as the table of a sweep ({error}): give another file."
-        ) from error
+        raise FitError(f"{path} is not the table of a sweep ({error}): give another file.") from error
     except (AttributeError, KeyError, OverflowError, ValueError, TypeError, csv.Error) as error:
         told = " ".join(str(error).split())[:200]
         raise FitError(
