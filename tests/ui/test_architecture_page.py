@@ -10,14 +10,17 @@ import ast
 import re
 import sys
 import threading
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 
 import mbstudio as mb
 from mbstudio.core.project.file import SCHEMA
+from mbstudio.core.scan.field_of_view import FieldOfView
 
 ROOT = Path(mb.__file__).parent
 REPOSITORY = ROOT.parent
@@ -179,8 +182,10 @@ def test_the_way_of_a_click(called, segmented, idle, qtbot):
 def test_the_groups_of_the_project_file(tmp_path, two_grains):
     import h5py
 
+    view = FieldOfView(0, np.ones(two_grains.labels.shape[1:], np.bool_), two_grains.labels.shape)
+    corrected = replace(two_grains.excluded([2]), view=view)
     project = mb.Project.new()
-    project.change("Load labels", grains=two_grains)
+    project.change("Load labels", grains=corrected)
     project.add_fits({1: mb.fit(two_grains.grain(1), 6, seed=0)}, "Fit grain")
     project.save(tmp_path / "sand.mbs")
     text = section("The project file")

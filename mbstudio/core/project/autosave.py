@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 PARTS: dict[str, tuple[str, ...]] = {
     "grains": ("scan", "segmentation", "grains"),
     "style": ("style", "clones"),
-    "work": ("fits", "fit_settings"),
+    "work": ("fits", "outdated", "fit_settings"),
     "kept": ("kept",),
 }
 _NOTE = "note.json"

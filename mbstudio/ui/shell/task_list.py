@@ -76,8 +76,11 @@ class TaskRow(QWidget):
         self.pause.setEnabled(task.can_pause and task.state == "running")
         self._icons.set(self.pause, "ph.play" if task.is_paused else "ph.pause")
         self.pause.setToolTip(tr("Resume") if task.is_paused else tr("Pause"))
-        words = tr("Resume “{task}”") if task.is_paused else tr("Pause “{task}”")
-        self.pause.setAccessibleName(words.format(task=task.title))
+        self.pause.setAccessibleName(
+            tr("Resume “{task}”", task=task.title)
+            if task.is_paused
+            else tr("Pause “{task}”", task=task.title)
+        )
         if task.is_paused:
             self._told.setText(tr("Paused"))
         elif task.state == "waiting":

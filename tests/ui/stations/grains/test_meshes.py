@@ -76,6 +76,7 @@ def test_open_fit_measure_save_and_open_again(opened, idle, tmp_path):
     idle()
     assert sorted(space.state.fits) == [1, 2, 3]
     window.enter("populations")
+    assert window.commands.run("populations.measure")
     idle()
     measured = window.stations.populations.work.measured.found
     expected = [body(name).volume for name in SIZES]
@@ -94,6 +95,7 @@ def test_open_fit_measure_save_and_open_again(opened, idle, tmp_path):
     assert sorted(space.state.fits) == [1, 2, 3]
     assert sorted(space.state.grains.meshes) == [1, 2, 3]
     window.enter("populations")
+    assert window.commands.run("populations.measure")
     idle()
     again = window.stations.populations.work.measured.found.grains
     np.testing.assert_array_equal(again.factors["area"], measured.grains.factors["area"])
