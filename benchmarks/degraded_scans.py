@@ -54,15 +54,17 @@ def rows() -> Iterator[tuple[str, float | None, dict[str, Any]]]:
 
 
 def score(grey: np.ndarray, truth: np.ndarray, **settings: Any) -> tuple[float, float, bool]:
-    """Return IoU and F1, and whether something was said; 0 where the scan is refused."""
+    """Return IoU and F1 (0 where the scan is refused), and whether a warning or the verdict told a doubt."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SegmentationWarning)
         try:
-            labels = mb.segment(Scan(grey, SIZE), **settings).labels
+            grains = mb.segment(Scan(grey, SIZE), **settings)
         except MbstudioError:
             return 0.0, 0.0, True
-    scored = agreement(labels, truth)
-    return scored.foreground_iou, scored.f1, any(one.category is SegmentationWarning for one in caught)
+    scored = agreement(grains.labels, truth)
+    warned = any(one.category is SegmentationWarning for one in caught)
+    assert grains.verdict is not None
+    return scored.foreground_iou, scored.f1, warned or grains.verdict.level != "green"
 
 
 def with_error(values: list[float]) -> str:

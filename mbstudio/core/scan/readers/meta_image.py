@@ -266,7 +266,9 @@ def _steps(fields: dict[str, str], spacing_text: str | None) -> tuple[np.ndarray
     if len(values) < 3:
         raise ValueError(f"ElementSpacing has {len(values)} numbers")
     spacing = np.array(values[:3])
-    return directions * spacing[:, None], origin
+    # What is infinite, or none, is refused with the voxel size.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return directions * spacing[:, None], origin
 
 
 def _unit(fields: dict[str, str]) -> tuple[float, str | None, str | None]:

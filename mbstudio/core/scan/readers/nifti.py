@@ -21,7 +21,7 @@ from mbstudio.core.scan.readers.family import (
     require_grey_volume,
     require_memory,
 )
-from mbstudio.core.scan.readers.orientation import along_axes, impossible
+from mbstudio.core.scan.readers.orientation import along_axes, impossible, lengths_of
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode
 from mbstudio.core.scan.readers.text import plain_text
 from mbstudio.core.scan.scan import VoxelArray
@@ -243,7 +243,7 @@ def _steps(header: Any) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"
     if affine is None:
         return np.diag(edges), np.zeros(3), False
     steps, origin = affine[:3, :3].T, np.array([_decimal(part) for part in affine[:3, 3]])
-    lengths = np.linalg.norm(steps, axis=1)
+    lengths = lengths_of(steps)
     if lengths.min() > 0 and np.allclose(lengths, edges, rtol=1e-5, atol=0):
         steps = steps * (edges / lengths)[:, None]
     return steps, origin, True
@@ -274,7 +274,7 @@ def _qform(header: Any) -> Float[np.ndarray, "4 4"]:
 
 def _doubt(header: Any, steps: Float[np.ndarray, "3 3"], unit: str | None) -> str | None:
     """Return why the edges are not believed: two that differ, or millimetres that programs write unasked."""
-    edges = np.linalg.norm(steps, axis=1)
+    edges = lengths_of(steps)
     said = _edges_of_header(header)
     if not np.allclose(edges, said, rtol=1e-3, atol=0):
         return f"gives two voxel sizes: {_listed(edges)} (x, y, z) by its affine, {_listed(said)} by pixdim"

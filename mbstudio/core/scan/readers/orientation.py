@@ -11,9 +11,15 @@ from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.scan import VoxelArray
 
 
+def lengths_of(steps: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Return the lengths of vectors; infinity where they are too large to square."""
+    with np.errstate(over="ignore"):
+        return np.asarray(np.linalg.norm(steps, axis=1))
+
+
 def impossible(steps: Float[np.ndarray, "3 3"]) -> str | None:
     """Return why steps from voxel to voxel cannot be meant, None if they can; a sentence's end."""
-    spacing = np.linalg.norm(steps, axis=1)
+    spacing = lengths_of(steps)
     if np.isfinite(spacing).all() and spacing.min() > 0:
         return None
     edges = " x ".join(f"{edge:g}" for edge in spacing)
@@ -44,7 +50,7 @@ def along_axes(
     ScanError
         If a spacing is zero or not finite, or the axes are not at right angles.
     """
-    spacing = np.linalg.norm(steps, axis=1)
+    spacing = lengths_of(steps)
     if not np.isfinite(steps).all() or spacing.min() <= 0:
         raise ScanError(f"{path} gives an impossible voxel spacing {spacing.tolist()}: give voxel_size.")
     units = steps / spacing[:, None]

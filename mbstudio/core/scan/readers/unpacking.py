@@ -110,11 +110,13 @@ def written_out(
     words = words[:count]
     try:
         if dtype.kind == "f":
-            return np.array(words).astype(dtype)
+            with np.errstate(over="raise"):
+                return np.array(words).astype(dtype)
         numbers = np.array(words).astype(np.int64)
-    except (ValueError, OverflowError) as error:
+    except (ValueError, OverflowError, FloatingPointError) as error:
         raise ScanError(
-            f"{path} holds something that is not a number ({error}): it is damaged; copy or export it again."
+            f"{path} holds something that is not a number of its type ({error}): it is damaged; "
+            "copy or export it again."
         ) from error
     kind = np.iinfo(dtype)
     if len(numbers) and (numbers.min() < kind.min or numbers.max() > kind.max):

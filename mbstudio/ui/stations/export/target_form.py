@@ -155,7 +155,7 @@ class TargetForm(QWidget):
                 self._layout.addWidget(row(option_title(name), field, option.meaning))
         cells, error = self.fields.get("cells"), self.fields.get("error")
         if isinstance(error, QDoubleSpinBox) and cells is not None:
-            error.setSpecialValueText(tr("any (set by cells)"))
+            error.setSpecialValueText(tr("by the cells"))
             error.valueChanged.connect(lambda value: cells.setEnabled(value == 0))
         self.setVisible(bool(target.options))
 

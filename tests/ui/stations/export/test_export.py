@@ -69,7 +69,7 @@ def test_the_shape_lies_over_the_avatar_with_its_numbers(exporting):
     window.settle()
     fields = window.stations.export.panel.options.fields
     assert fields["cells"].isEnabled()
-    assert fields["error"].text() == "any (set by cells)"
+    assert fields["error"].text() == "by the cells"
     fields["error"].setValue(1.0)
     window.settle()
     assert not fields["cells"].isEnabled()

@@ -135,9 +135,9 @@ def read_header(path: Path) -> Header:
                 )
             dataset = pydicom.dcmread(path, defer_size=256)
             return _header(dataset, syntax, path)
-    except (ScanError, MemoryError):
+    except ScanError:
         raise
-    except Exception as error:  # pydicom raises errors of many unrelated types
+    except Exception as error:  # pydicom raises errors of many types, MemoryError too
         raise ScanError(
             f"{path} cannot be read as DICOM ({type(error).__name__}: {one_line(error)}): it is "
             "damaged or cut off; "

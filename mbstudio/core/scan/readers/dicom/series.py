@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers.dicom.headers import Frame, Header, is_dicom, read_header
+from mbstudio.core.scan.readers.orientation import lengths_of
 
 SUFFIXES = (".dcm", ".dicom", ".dic", ".ima")
 _IMAGES = (".tif", ".tiff", ".png", ".bmp", ".jpg", ".jpeg")
@@ -196,7 +197,7 @@ def _require_alike(slices: Sequence[Slice], path: Path) -> None:
 def _by_position(slices: Sequence[Slice], path: Path) -> Series:
     across = slices[0].frame.orientation
     assert across is not None
-    lengths = np.linalg.norm(across, axis=1)
+    lengths = lengths_of(across)
     if not np.allclose(lengths, 1, atol=1e-2) or abs(across[0] @ across[1]) > 1e-2:
         raise ScanError(
             f"{path} gives directions of rows and columns that are not at right angles: "
@@ -214,7 +215,7 @@ def _by_position(slices: Sequence[Slice], path: Path) -> Series:
         _require_even([float(height) for height in heights], ordered, path)
         distance: float | None = float(heights[-1] - heights[0]) / (len(ordered) - 1)
         sideways = places - np.outer(heights, normal)
-        shift = float(np.linalg.norm(sideways - sideways[0], axis=1).max())
+        shift = float(lengths_of(sideways - sideways[0]).max())
         pixel = min(spacing) if spacing is not None else distance
         if shift > _SHIFTED * float(pixel or 1):
             raise ScanError(
