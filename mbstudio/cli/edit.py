@@ -10,7 +10,6 @@ from typer.core import TyperCommand
 
 from mbstudio.cli import console, inputs
 from mbstudio.core.errors import EditError, ProjectError
-from mbstudio.core.formulas import nominal_diameter
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -242,6 +241,8 @@ def _list_edits(project: Project, as_json: bool) -> None:
 
 
 def _list_suspicious(project: Project, count: int, as_json: bool) -> None:
+    from mbstudio.core.formulas import nominal_diameter
+
     grains = project.grains
     if grains is None or count < 1:
         raise ProjectError("There are no grains to list: find them first, and list 1 or more.")

@@ -75,7 +75,7 @@ def bare(text, allowed=()):
     while BRACKETED.search(text):
         text = BRACKETED.sub(" ", text)
     for name in sorted(allowed, key=len, reverse=True):
-        text = text.replace(name, " ")
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", " ", text)
     return [word for word in WORD.findall(text) if word not in NAMES]
 
 

@@ -312,7 +312,7 @@ def test_avatars_that_arrive_one_by_one_are_kept_before_the_last_is_there(with_g
     item = type("Item", (), {"label": 1, "result": object()})()
     fits._arrived = (grains, [item])
     assert window.shell.autosaves.state_to_keep().fits[1] is item.result
-    fits._arrived = (object(), [item])  # of grains that are no longer there
+    fits._arrived = (grains.without([1]), [item])  # of a grain that is not there as it was
     kept = window.shell.autosaves.state_to_keep()
     assert kept is None or 1 not in kept.fits
 

@@ -43,12 +43,12 @@ def test_the_files_say_unit_pose_scale_and_version(avatar, tmp_path):
 CSV = {
     "no header": (lambda text: text.split("\n", 1)[1], "has the header"),
     "negative weight": (lambda text: _with_cell(text, 2, 3, "-0.1"), "k > 0"),
-    "text for a number": (lambda text: _with_cell(text, 2, 0, "abc"), "cannot be read"),
+    "text for a number": (lambda text: _with_cell(text, 2, 0, "abc"), "no table of control points"),
     "not finite": (lambda text: _with_cell(text, 2, 1, "inf"), "finite"),
     "a column lost": (lambda text: "\n".join(line.rsplit(",", 1)[0] for line in text.splitlines()), "header"),
     "a row lost": (lambda text: text.rsplit("\n", 2)[0], "same control points"),
     "one number changed": (lambda text: _with_cell(text, 2, 0, "0.123"), "same control points"),
-    "empty": (lambda text: "", "cannot be read"),
+    "empty": (lambda text: "", "header"),
 }
 
 
