@@ -6,13 +6,12 @@ import math
 import warnings
 from dataclasses import dataclass
 
-import edt
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
-from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.flooding import map_distances, split_by_necks
 from mbstudio.core.grains.interfaces import Interfaces, count_unexplained, find_interfaces
 from mbstudio.core.grains.judging import median_solidity
 from mbstudio.core.grains.phases import LEAST_INTERFACES, Phases, find_phases
@@ -144,11 +143,7 @@ def _select_phases(
 def _trial(solid: Bool[np.ndarray, "Z Y X"]) -> tuple[Int[np.ndarray, "z y x"], tuple[slice, ...]]:
     """Return the grains of a box in the middle, touching ones parted by their shape alone, and the box."""
     box = tuple(slice(max(0, (n - _TRIED_EDGE) // 2), (n + _TRIED_EDGE) // 2) for n in solid.shape)
-    part = np.ascontiguousarray(solid[box])
-    distance = edt.edt(part, black_border=False, parallel=0)
-    np.nan_to_num(distance, copy=False, posinf=float(max(part.shape)))
-    distance -= 0.5 * part
-    labels, _ = split_by_necks(distance, _TRIED_SPLITTING, _TRIED_DEPTH)
+    labels, _ = split_by_necks(map_distances(solid[box]), _TRIED_SPLITTING, _TRIED_DEPTH)
     return labels, box
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import edt
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.compiled import compiled
 from mbstudio.core.grains.agreement import agreement
-from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.flooding import map_distances, split_by_necks
 from mbstudio.core.grains.interfaces import Interfaces, count_unexplained, find_interfaces
 from mbstudio.core.grains.labelling import statistics, widened_box
 from mbstudio.core.grains.phases import Phases, find_phases
@@ -256,13 +255,11 @@ def compare_splittings(
         return agreement(parted(distances, share), reference).f1
 
     smooth = ndimage.gaussian_filter((part > 0).astype(np.float32), 1.0, mode="nearest") > 0.5
-    distances = edt.edt(smooth, anisotropy=anisotropy, black_border=False, parallel=0)
-    np.nan_to_num(distances, copy=False, posinf=float(max(part.shape)))
     return {
         "splitting_agreement": min(
             agreeing(part, splitting - _OTHER_SPLITTING), agreeing(part, splitting + _OTHER_SPLITTING)
         ),
-        "smooth_agreement": agreeing((distances - 0.5) * smooth, splitting),
+        "smooth_agreement": agreeing(map_distances(smooth, anisotropy), splitting),
         "thin_agreement": agreeing(np.maximum(part - 0.5, 0.0), splitting),
     }
 

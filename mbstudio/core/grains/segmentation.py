@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import cc3d
-import edt
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import ScanError, SegmentationError, SegmentationWarning
-from mbstudio.core.grains.flooding import split_by_necks
+from mbstudio.core.grains.flooding import map_distances, split_by_necks
 from mbstudio.core.grains.foreground import find_foreground
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.judging import compare_splittings, judge_labels
@@ -289,15 +288,10 @@ def _distance_map(
     """
     shortest = min(voxel_size.zyx)
     solid = mask if view.is_whole_box else mask | ~view.mask
-    anisotropy = tuple(edge / shortest for edge in voxel_size.zyx)
-    distance: np.ndarray = edt.edt(
-        np.ascontiguousarray(solid), anisotropy=anisotropy, black_border=False, parallel=0
-    )
-    np.nan_to_num(distance, copy=False, posinf=float(max(mask.shape)))
-    # From the middle of the nearest void voxel to the surface: otherwise small necks look wide.
-    distance -= 0.5
-    distance *= mask
-    return distance
+    z, y, x = (edge / shortest for edge in voxel_size.zyx)
+    distances = map_distances(solid, (z, y, x))
+    distances *= mask
+    return distances
 
 
 def _settle_fragments(labels: Int[np.ndarray, "Z Y X"], smallest_voxels: int) -> int:

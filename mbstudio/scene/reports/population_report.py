@@ -136,7 +136,8 @@ def _describe_measuring(project: Project, populations: ProjectPopulations) -> di
     }
     if project.grains.verdict is not None:
         verdict = project.grains.verdict
-        known["Segmentation"] = " ".join([f"Verdict: {verdict.level}.", *verdict.described])
+        told = (f"Verdict: {verdict.level}.", verdict.edited_note, *verdict.described)
+        known["Segmentation"] = " ".join(filter(None, told))
     if avatars is not None:
         fits = [project.fits[int(label)] for label in avatars.labels]
         valid = sum(fit.verdict.valid for fit in fits)

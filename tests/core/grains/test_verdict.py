@@ -10,7 +10,7 @@ from mbstudio.core.batch.segmenting import segment_in_process
 from mbstudio.core.errors import SegmentationError
 from mbstudio.core.grains.agreement import agreement
 from mbstudio.core.grains.judging import judge_labels
-from mbstudio.core.grains.verdict import CRITERIA, SegmentationVerdict
+from mbstudio.core.grains.verdict import CRITERIA, RULES, SegmentationVerdict, likely_agreement
 from mbstudio.core.scan import Scan
 from mbstudio.core.scan.field_of_view import find_field_of_view
 from mbstudio.core.units import VoxelSize
@@ -179,8 +179,43 @@ def test_a_verdict_survives_its_record():
     ],
 )
 def test_records_that_are_none_are_refused(record):
-    with pytest.raises(SegmentationError, match="verdict"):
-        SegmentationVerdict.from_record(record)
+    with pytest.raises(SegmentationError, match=r"is none: find the grains again"):
+        SegmentationVerdict.from_record({"rules": RULES, **record})
+
+
+def test_a_verdict_by_other_rules_is_refused():
+    record = SegmentationVerdict({"solidity": 0.9}, 2).to_record()
+    assert SegmentationVerdict.is_readable(record)
+    for other in ({**record, "rules": RULES - 1}, {name: record[name] for name in record if name != "rules"}):
+        assert not SegmentationVerdict.is_readable(other)
+        with pytest.raises(SegmentationError, match="other rules"):
+            SegmentationVerdict.from_record(other)
+
+
+def test_the_likely_agreement_follows_what_it_is_made_of():
+    best = {
+        "splitting_agreement": 1.0, "smooth_agreement": 1.0, "thin_agreement": 1.0, "unconvex_share": 0.0,
+        "edge_sharpness": 0.4, "texture_of_void": 0.0,
+    }  # fmt: skip
+    worse = {
+        "splitting_agreement": 0.5, "smooth_agreement": 0.5, "thin_agreement": 0.5, "unconvex_share": 0.5,
+        "edge_sharpness": 0.3, "texture_of_void": 0.3,
+    }  # fmt: skip
+    assert likely_agreement(best) > 0.95
+    for name, figure in worse.items():
+        assert likely_agreement({**best, name: figure}) < likely_agreement(best) - 0.02, name
+    assert likely_agreement(worse) < 0.6
+    assert 0.0 <= likely_agreement(dict.fromkeys(best, 1e9)) <= 1.0
+
+
+def test_the_likely_agreement_is_near_the_true_one():
+    truth = packed(5)
+    well, badly = found(truth), found(truth, splitting=0.3)
+    assert well.verdict.figures["likely_agreement"] == pytest.approx(
+        agreement(well.labels, truth).f1, abs=0.1
+    )
+    assert agreement(badly.labels, truth).f1 < 0.8
+    assert badly.verdict.figures["likely_agreement"] < 0.82
 
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda criterion: criterion.name)

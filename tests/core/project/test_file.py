@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -56,6 +57,15 @@ def test_the_verdict_on_the_grains_comes_back(tmp_path, state):
     verdict = SegmentationVerdict({"solidity": 0.71, "contrast_to_noise": 3.3}, 2, "the whole box")
     write_project(tmp_path / "a.mbs", replace(state, grains=replace(state.grains, verdict=verdict)))
     assert read_project(tmp_path / "a.mbs").grains.verdict == verdict
+
+
+def test_a_verdict_by_other_rules_is_left_out(tmp_path, state, edit_project):
+    verdict = SegmentationVerdict({"solidity": 0.71}, 2, "the whole box")
+    write_project(tmp_path / "a.mbs", replace(state, grains=replace(state.grains, verdict=verdict)))
+    with edit_project(tmp_path / "a.mbs") as file:
+        record = {**json.loads(file["grains"].attrs["verdict"]), "rules": 1}
+        file["grains"].attrs["verdict"] = json.dumps(record)
+    assert read_project(tmp_path / "a.mbs").grains.verdict is None
 
 
 def test_an_automatic_threshold_comes_back_as_none(tmp_path):

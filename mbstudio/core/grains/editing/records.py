@@ -7,6 +7,7 @@ was about, so that it can be made again after another segmentation.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
@@ -22,7 +23,7 @@ _MOST_PLACES = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Edit:
+class Edit(ABC):
     """One correction of grains by hand.
 
     Attributes
@@ -38,6 +39,7 @@ class Edit:
     labels: tuple[int, ...] = ()
     anchors: tuple[Voxel, ...] = ()
 
+    @abstractmethod
     def make(self, bench: Workbench) -> Edit:
         """Make the edit on a workbench and return the record of it.
 
@@ -46,7 +48,6 @@ class Edit:
         EditError
             If it cannot be made.
         """
-        raise NotImplementedError
 
     @property
     def needs_scan(self) -> bool:

@@ -223,7 +223,7 @@ class GrainPanel(Panel):
     def _show_verdict(self, verdict: SegmentationVerdict | None) -> None:
         """Show how well the scan bears the grains out; the figures in a tool tip."""
         self.verdict.setVisible(verdict is not None)
-        self._doubts.setVisible(verdict is not None and bool(verdict.doubts))
+        self._doubts.setVisible(verdict is not None and bool(verdict.doubts or verdict.edits))
         if verdict is None:
             return
         text, kind = {
@@ -233,7 +233,7 @@ class GrainPanel(Panel):
         }[verdict.level]
         set_badge(self.verdict, text, kind)
         self.verdict.setToolTip(_figures_table(verdict))
-        self._doubts.setText("\n\n".join(verdict.described))
+        self._doubts.setText("\n\n".join(filter(None, (verdict.edited_note, *verdict.described))))
 
     def tell_memory(self) -> None:
         """Say what finding the grains will take, and what is free where that is not plenty."""

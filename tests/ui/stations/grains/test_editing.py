@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtTest import QTest
 
 from mbstudio.core.errors import GrainWarning
+from mbstudio.core.grains.verdict import SegmentationVerdict
 from mbstudio.core.project import Project
 from mbstudio.ui.stations.grains.table_model import COLUMNS
 from tests.core.grains.editing.placed_grains import placed_grains, scan_of
@@ -77,6 +79,18 @@ def test_keys_merge_delete_and_exclude_the_chosen_grains(at_grains, grains):
         press(at_grains, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     same(at_grains, grains)
     assert set(space.state.fits) == {1, 2, 3, 4}
+
+
+def test_the_verdict_says_that_grains_were_corrected(at_grains, grains):
+    verdict = SegmentationVerdict({"solidity": 0.95}, 2, "the whole box")
+    at_grains.workspace.change("Judge", grains=replace(grains, verdict=verdict))
+    panel = at_grains.stations.grains.panel
+    assert not panel._doubts.isVisible()
+    at_grains.workspace.choose([2], 2)
+    press(at_grains, Qt.Key.Key_Delete)
+    assert "Edited by hand once" in panel._doubts.text()
+    assert panel._doubts.isVisible()
+    assert at_grains.messages.text.startswith("Deleted a grain.")
 
 
 def test_grains_that_do_not_touch_are_asked_for(at_grains, grains):

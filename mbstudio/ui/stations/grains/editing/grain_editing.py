@@ -95,8 +95,10 @@ class GrainEditing(QObject):
         count = len(self.chosen)
         self._make(
             Delete(labels=self.chosen),
-            tr("Delete {count} grains", count=count),
-            tr("Deleted {count} grains. Undo brings them back.", count=count),
+            tr("Delete {count} grains", count=count) if count > 1 else tr("Delete a grain"),
+            tr("Deleted {count} grains. Undo brings them back.", count=count)
+            if count > 1
+            else tr("Deleted a grain. Undo brings it back."),
         )
 
     def toggle_excluded(self) -> None:
@@ -105,14 +107,18 @@ class GrainEditing(QObject):
         if self._are_excluded(labels):
             self._make(
                 Include(labels=labels),
-                tr("Include {count} grains", count=count),
-                tr("{count} grains take part again.", count=count),
+                tr("Include {count} grains", count=count) if count > 1 else tr("Include a grain"),
+                tr("{count} grains take part again.", count=count)
+                if count > 1
+                else tr("A grain takes part again."),
             )
             return
         self._make(
             Exclude(labels=labels),
-            tr("Exclude {count} grains", count=count),
-            tr("{count} grains are left out of fits, populations, learning and export.", count=count),
+            tr("Exclude {count} grains", count=count) if count > 1 else tr("Exclude a grain"),
+            tr("{count} grains are left out of fits, populations, learning and export.", count=count)
+            if count > 1
+            else tr("A grain is left out of fits, populations, learning and export."),
         )
 
     def grow(self) -> None:
