@@ -21,6 +21,7 @@ from mbstudio.core.project.merging import Merge
 from mbstudio.core.project.state import ScanIdentity
 from mbstudio.core.scan import Scan
 from mbstudio.core.scan.voxel_blocks import in_memory_bytes
+from mbstudio.ui.kept_settings import files_that_exist
 from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
@@ -342,9 +343,7 @@ class Workspace(QObject):
     @property
     def recent(self) -> list[Path]:
         """Files opened or saved last, newest first, those that still exist."""
-        names: Any = self.settings.value("recent", []) or []
-        names = [names] if isinstance(names, str) else list(names)
-        return [Path(name) for name in names if Path(name).exists()]
+        return files_that_exist(self.settings, "recent")
 
     def remember(self, path: Path) -> None:
         """Put a file at the head of the recent ones."""

@@ -75,14 +75,41 @@ def _pictures(_: Path) -> list[Case]:
     return cases
 
 
-def _arrays(folder: Path) -> list[Case]:
-    plain = io.BytesIO()
-    np.save(plain, _volume())
-    cases: list[Case] = [({"s.npy": plain.getvalue()}, ["s.npy"])]
+def _png(_: Path) -> list[Case]:
+    """Slices of 8 and 16 bits; PNG has a checksum for each of its parts."""
+    return [
+        (
+            {f"z{i}.png": iio.imwrite("<bytes>", image, extension=".png") for i, image in enumerate(volume)},
+            ["."],
+        )
+        for volume in (_volume().astype(np.uint8), _volume())
+    ]
+
+
+def _arrays(_: Path) -> list[Case]:
+    cases: list[Case] = []
+    for voxels in (_volume(), _volume().astype(">f4"), np.asfortranarray(_volume())):
+        plain = io.BytesIO()
+        np.save(plain, voxels)
+        cases.append(({"s.npy": plain.getvalue()}, ["s.npy"]))
+    return cases
+
+
+def _hdf5(folder: Path) -> list[Case]:
+    cases: list[Case] = []
     for name, options in (("a.h5", {}), ("b.h5", {"compression": "gzip", "chunks": (2, 4, 4)})):
         with h5py.File(folder / name, "w") as file:
             file.create_dataset("exported_data", data=_volume(), **options)
         cases.append(({"s.h5": (folder / name).read_bytes()}, ["s.h5"]))
+    with h5py.File(folder / "c.nxs", "w", libver="latest") as file:
+        file.attrs["default"] = "entry"
+        group = file.create_group("entry")
+        group.attrs["signal"], group.attrs["axes"] = "data", ["z", "y", "x"]
+        group.create_dataset("data", data=_volume(), chunks=(5, 7, 4), compression="gzip", shuffle=True)
+        for axis, count in zip("zyx", _volume().shape, strict=True):
+            group[axis] = np.arange(count) * 1e-5
+            group[axis].attrs["units"] = "m"
+    cases.append(({"s.nxs": (folder / "c.nxs").read_bytes()}, ["s.nxs"]))
     return cases
 
 
@@ -101,6 +128,15 @@ def _headers(_: Path) -> list[Case]:
         ({"s.nrrd": (nrrd + "encoding: gzip\n\n").encode() + packed}, ["s.nrrd"]),
         ({"s.nhdr": (nrrd + "encoding: raw\ndata file: z%03d.raw 1 5 1\n\n").encode(), **slices}, ["s.nhdr"]),
     ]
+
+
+def _gzip(folder: Path) -> list[Case]:
+    """Scans that are packed as a whole: gzip has a checksum."""
+    for name, kind in (("a.nii.gz", nibabel.Nifti1Image), ("b.nii.gz", nibabel.Nifti2Image)):
+        image = kind(_volume().T.astype(np.int16), np.diag([0.1, 0.1, 0.1, 1]))
+        image.header.set_xyzt_units("mm")
+        image.to_filename(folder / name)
+    return cases_of_folder(folder)
 
 
 def _nifti(folder: Path) -> list[Case]:
@@ -356,7 +392,10 @@ Seeds = Callable[[Path], list[Case]]
 SEEDS: dict[str, tuple[str, Seeds]] = {
     "tiff": ("scan", _tiff),
     "pictures": ("scan", _pictures),
-    "npy-hdf5": ("scan", _arrays),
+    "png": ("scan", _png),
+    "gzip": ("scan", _gzip),
+    "npy": ("scan", _arrays),
+    "hdf5": ("hdf5", _hdf5),
     "metaimage-nrrd": ("scan", _headers),
     "nifti": ("scan", _nifti),
     "dicom": ("scan", _dicom),
@@ -382,5 +421,5 @@ SEEDS: dict[str, tuple[str, Seeds]] = {
 }
 """What is attacked: the reader of each kind of file, and what makes whole files of it."""
 
-CHECKSUMMED = ("projects", "styles", "serializations", "autosaves")
+CHECKSUMMED = ("projects", "styles", "serializations", "autosaves", "gzip", "png")
 """Kinds of file in which no flipped bit may pass unseen."""

@@ -12,6 +12,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer, Signal
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave, Project, ProjectState
+from mbstudio.ui.kept_settings import whole_number
 from mbstudio.ui.language import tr
 from mbstudio.ui.shell.project_notes import told_of
 from mbstudio.ui.stations.registry import Stations
@@ -82,11 +83,7 @@ class AutosaveWork(Work):
     @property
     def seconds(self) -> int:
         """Seconds between two writes."""
-        given = self._settings.value("autosave/seconds", SECONDS)
-        try:
-            return min(max(int(float(str(given))), 1), LONGEST)
-        except ValueError:
-            return SECONDS
+        return whole_number(self._settings, "autosave/seconds", SECONDS, 1, LONGEST)
 
     def set_seconds(self, seconds: int) -> None:
         """Write so often from now on."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QMainWindow
 
 import mbstudio
 from mbstudio.ui.deferred_calls import DeferredCalls
+from mbstudio.ui.kept_settings import record, see_from, stored_bytes, words
 from mbstudio.ui.shell.dialogs.preferences import is_on
 from mbstudio.ui.shell.docks import Docks
 from mbstudio.ui.stations.registry import Stations
@@ -39,7 +39,7 @@ class LayoutMemory(QObject):
         self._space, self._settings, self._viewport = studio.workspace, studio.settings, studio.viewport
         self.hidden: dict[str, set[str]] = {}
         self._shown_before: set[str] = set()
-        self._wanted: Any = None
+        self._wanted: list[list[float]] | None = None
         self._deferred = DeferredCalls(self)
         docks.arranged.connect(self.apply)
 
@@ -50,13 +50,12 @@ class LayoutMemory(QObject):
         if not is_on(self._space, "layout/kept"):
             return
         # Only of this version: another one may have other docks.
-        state = self._settings.value(f"layout/{mbstudio.__version__}")
-        sized = _record(self._settings.value("layout/sized"))
+        state = stored_bytes(self._settings, f"layout/{mbstudio.__version__}")
+        sized = record(self._settings, "layout/sized")
         if state is not None and self._window.restoreState(state):
             self._docks.sized |= {name for name in self._docks.names if sized.get(name)}
-        self.hidden = {
-            station: set(names) for station, names in _record(self._settings.value("layout/hidden")).items()
-        }
+        hidden = record(self._settings, "layout/hidden")
+        self.hidden = {station: set(words(names)) for station, names in hidden.items()}
 
     def note(self, _checked: bool = False) -> None:
         """Take down what is hidden at the station that is open: the person has just said so."""
@@ -93,7 +92,7 @@ class LayoutMemory(QObject):
         path = self._space.project.path
         if path is None or not self._view.has_content:
             return
-        cameras = _record(self._settings.value("layout/cameras"))
+        cameras = record(self._settings, "layout/cameras")
         cameras.pop(str(path.resolve()), None)
         camera = self._viewport.plotter.camera
         places = [camera.position, camera.focal_point, camera.up]
@@ -104,10 +103,10 @@ class LayoutMemory(QObject):
     def project_opened(self) -> None:
         """Look at the project from where it was looked at last, once it is shown."""
         path = self._space.project.path
-        cameras = _record(self._settings.value("layout/cameras"))
+        cameras = record(self._settings, "layout/cameras")
         self._wanted = None
         if path is not None and is_on(self._space, "layout/kept"):
-            self._wanted = cameras.get(str(path.resolve()))
+            self._wanted = see_from(cameras.get(str(path.resolve())))
         if self._space.state.scan is None:
             self.use_camera()
 
@@ -124,12 +123,3 @@ class LayoutMemory(QObject):
             self._viewport.request_render()
 
         self._deferred.call(move_camera)
-
-
-def _record(text: Any) -> dict[str, Any]:
-    """Return what JSON in the settings says; nothing where somebody has spoilt it."""
-    try:
-        found = json.loads(text) if isinstance(text, str) else {}
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}

@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 from mbstudio.core.errors import MbstudioError
 from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.icons import Icons, application_icon
+from mbstudio.ui.kept_settings import stored_bytes
 from mbstudio.ui.language import tr
 from mbstudio.ui.shell.commands import (
     edit_commands,
@@ -194,7 +195,7 @@ class MainWindow(QMainWindow):
 
     def _take_first_layout(self) -> None:
         self._first_layout = self.saveState()
-        geometry = self.settings.value("geometry")
+        geometry = stored_bytes(self.settings, "geometry")
         if geometry is None or not self.restoreGeometry(geometry):
             room = self.screen().availableGeometry()
             self.resize(min(1440, room.width()), min(900, room.height()))

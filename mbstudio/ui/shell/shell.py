@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtWidgets import QLabel, QMainWindow, QWidget
 
-from mbstudio.core.batch.processes import limit_processes
+from mbstudio.core.batch.processes import limit_processes, processors
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave
+from mbstudio.ui.kept_settings import whole_number
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.shell.autosave_work import AutosaveWork
 from mbstudio.ui.shell.dialogs.recovery_card import RecoveryCard, age
@@ -90,8 +91,7 @@ class Shell(QObject):
         for station in stations:
             studio.icons.set(station.panel.help, "ph.question")
             station.panel.help.clicked.connect(lambda _checked=False, name=station.id: self.open_guide(name))
-        limit = studio.settings.value("work/processes", 0)
-        limit_processes(int(str(limit)) or None if str(limit).isdecimal() else None)
+        limit_processes(whole_number(studio.settings, "work/processes", 0, 0, processors()) or None)
 
     def wire(self) -> None:
         """Connect with the rest of the window, and put its panels as they stood."""

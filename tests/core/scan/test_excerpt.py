@@ -17,7 +17,8 @@ from mbstudio.core.errors import ScanError, ScanWarning
 from mbstudio.core.scan import Scan, open_scan
 from mbstudio.core.scan.excerpt import Excerpt, read_bin, read_crop
 from mbstudio.core.scan.grid import Grid
-from mbstudio.core.scan.readers import hdf5, slices, tiff
+from mbstudio.core.scan.readers import slices, tiff
+from mbstudio.core.scan.readers.hdf5 import volume as hdf5
 from mbstudio.core.scan.readers.ome_zarr.reading import ZarrArray
 from mbstudio.core.units import VoxelSize
 

@@ -13,6 +13,7 @@ from mbstudio.core.errors import ScanError, UnitError
 from mbstudio.core.grains import load_labels
 from mbstudio.core.project import Project
 from mbstudio.core.scan import open_scan
+from mbstudio.core.scan.readers.hdf5 import volume as hdf5
 
 
 @pytest.fixture
@@ -37,8 +38,6 @@ def test_axes_by_ilastiks_tags(
     scan = open_scan(tmp_path / "s.h5", "10 um")
     np.testing.assert_array_equal(np.asarray(scan.voxels), volume)
     assert scan.is_memory_mapped == (packed is None and "xyz" not in axes)
-    from mbstudio.core.scan.readers import hdf5
-
     monkeypatch.setattr(hdf5, "UNPACK_AT_ONCE_BYTES", 0)
     lazy = open_scan(tmp_path / "s.h5", "10 um")
     np.testing.assert_array_equal(lazy.voxels[2], volume[2])

@@ -9,10 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers import hdf5, meta_image, nifti, npy, nrrd, raw, slices, tiff, xradia
+from mbstudio.core.scan.readers import meta_image, nifti, npy, nrrd, raw, slices, tiff, xradia
 from mbstudio.core.scan.readers.amira import volume as amira
 from mbstudio.core.scan.readers.dicom import reading as dicom
 from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions
+from mbstudio.core.scan.readers.hdf5 import volume as hdf5
 from mbstudio.core.scan.readers.ome_zarr import reading as ome_zarr
 from mbstudio.core.scan.readers.side_cars import nikon, phoenix
 from mbstudio.core.scan.readers.vtk_image import reading as vtk_image

@@ -24,6 +24,7 @@ from mbstudio.core.scan.readers.family import (
 from mbstudio.core.scan.readers.orientation import along_axes, impossible, lengths_of
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode
 from mbstudio.core.scan.readers.text import plain_text
+from mbstudio.core.scan.readers.unpacking import unpacked
 from mbstudio.core.scan.scan import VoxelArray
 from mbstudio.core.scan.slice_stack import SliceStack
 from mbstudio.core.units import conversion_factor
@@ -37,6 +38,8 @@ DECODE_AT_ONCE_BYTES = 2 << 30
 _PLAIN_MILLIMETRES = 1.0
 # Numbers of a header from here on are no lengths and no scales.
 _ABSURD = 1e30
+# What some programs leave behind the voxels.
+_SPARE = 2**20
 _EXPORT = "copy or export it again."
 
 
@@ -208,11 +211,9 @@ def _unpacked(path: Path, contents: _Contents) -> np.ndarray:
     stored = path.stat().st_size
     require_memory((contents.offset + needed,), 1, path, stored)
     require_memory(contents.shape, contents.dtype.itemsize, path, stored)
-    block = _read_bytes(path, True, contents.offset + needed)
-    _require_bytes(path, contents, len(block))
-    return np.frombuffer(block, contents.dtype, math.prod(contents.shape), contents.offset).reshape(
-        contents.shape
-    )
+    with path.open("rb") as stream:
+        block = unpacked(stream, "gzip", contents.offset + needed, path, spare=_SPARE)
+    return block[contents.offset :].view(contents.dtype).reshape(contents.shape)
 
 
 def _decoded(raw: np.ndarray, contents: _Contents, path: Path, numbers: bool) -> VoxelArray:

@@ -18,7 +18,7 @@ _WINDOW = {"zlib": 15, "gzip": 31, "zlib or gzip": 47}
 
 
 def unpacked(
-    stream: BinaryIO, packing: str, needed: int, path: Path, length: int | None = None
+    stream: BinaryIO, packing: str, needed: int, path: Path, length: int | None = None, *, spare: int = 0
 ) -> UInt8[np.ndarray, "n"]:
     """Return the bytes that a packed stream holds, which must be as many as needed.
 
@@ -34,6 +34,9 @@ def unpacked(
         The file to name in messages.
     length : int, optional
         How many packed bytes there are; else all to the end of the file.
+    spare : int
+        How many bytes may follow those that are needed. They are unpacked for the checksum behind them, and
+        left out.
 
     Raises
     ------
@@ -46,7 +49,7 @@ def unpacked(
 
     out = np.empty(needed, np.uint8)
     inflate, done, left = begin(), 0, length
-    ended, waiting = False, b""
+    ended, waiting, more = False, b"", 0
     try:
         while True:
             if not waiting and (ended or getattr(inflate, "needs_input", True)):
@@ -63,11 +66,13 @@ def unpacked(
                     break
                 inflate, ended = begin(), False
             # One more than needed, so that more is noticed and not unpacked.
-            part = inflate.decompress(waiting, needed - done + 1)
-            if done + len(part) > needed:
+            part = inflate.decompress(waiting, needed - done + 1 if done < needed else _CHUNK)
+            used = min(len(part), needed - done)
+            more += len(part) - used
+            if more > spare:
                 raise _wrong_length(path, "more", needed)
-            out[done : done + len(part)] = np.frombuffer(part, np.uint8)
-            done += len(part)
+            out[done : done + used] = np.frombuffer(part, np.uint8, used)
+            done += used
             ended = inflate.eof
             waiting = inflate.unused_data if ended else getattr(inflate, "unconsumed_tail", b"")
     except (zlib.error, OSError, EOFError, ValueError) as error:

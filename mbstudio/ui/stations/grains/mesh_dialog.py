@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, Q
 
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, unit_label
 from mbstudio.scene.layers.annotations import readable_length
+from mbstudio.ui.kept_settings import whole_number
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.grains.mesh_work import FirstStone, MeshAnswer
 from mbstudio.ui.widgets.forms import label, primary_button, row
@@ -104,8 +105,7 @@ class MeshDialog(QDialog):
         self.unit.setCurrentIndex(self.unit.findData(likely_unit(known, before)))
         self.resolution.setRange(20, 400)
         self.resolution.setSingleStep(10)
-        kept = str(self._settings.value("meshes/resolution", ""))
-        self.resolution.setValue(int(kept) if kept.isdecimal() else 120)
+        self.resolution.setValue(whole_number(self._settings, "meshes/resolution", 120, 20, 400))
         for word, title in _CAVITIES:
             self.cavities.addItem(tr(title), word)
         self.override = QCheckBox(tr("Take this unit also for files that state another"))

@@ -52,7 +52,7 @@ class GrainTable(QTableView):
         self._settings = settings
         self._quiet = False
         self._kept: tuple[list[int], int | None] = ([], None)
-        self.content = GrainTableModel()
+        self.content = GrainTableModel(self)
         self.setModel(self.content)
         self.setAccessibleName(tr("Grains"))
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
@@ -79,7 +79,7 @@ class GrainTable(QTableView):
         self.selectionModel().currentRowChanged.connect(self._rows_chosen)
         self.content.modelReset.connect(self._arrange_columns)
         self.content.sorting.connect(self._keep_choice)
-        self.content.sorted.connect(lambda: self._choose_rows(*self._kept))
+        self.content.sorted.connect(self._choose_what_was_kept)
         self.setSortingEnabled(True)
         self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
 
@@ -136,6 +136,9 @@ class GrainTable(QTableView):
         model.blockSignals(True)
         model.reset()
         model.blockSignals(False)
+
+    def _choose_what_was_kept(self) -> None:
+        self._choose_rows(*self._kept)
 
     def _rows_chosen(self, *_: object) -> None:
         if not self._quiet:

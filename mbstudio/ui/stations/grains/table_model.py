@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt, Signal
 
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains import GrainSet
@@ -89,6 +89,11 @@ VOLUME, NAME, COUNT, RMS, SHARE, VERDICT = 1, 3, 4, 5, 6, 7
 class GrainTableModel(QAbstractTableModel):
     """The pandas table of a grain set and the fits, as Qt wants them.
 
+    Parameters
+    ----------
+    parent : QObject, optional
+        The table, with which it goes.
+
     Attributes
     ----------
     sorting, sorted : signal
@@ -98,8 +103,8 @@ class GrainTableModel(QAbstractTableModel):
     sorting = Signal()
     sorted = Signal()
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
         self._unit = self._volume_unit = "um"
         self._labels = np.zeros(0, dtype=int)
         self._values: dict[str, np.ndarray] = {}
