@@ -86,6 +86,9 @@ class Work(ABC):
             in_silence(self.do)
         return process
 
+    def wait_until_begun(self) -> None:
+        """Wait until the work is where kills are to come."""
+
     @abstractmethod
     def do(self) -> None: ...
 
@@ -301,7 +304,7 @@ sys.exit(app.run(project_path="sand.mbs"))
 
 
 class Window(Fit):
-    """The window in the midst of "Fit all"."""
+    """The window in the midst of "Fit all", after the first grain was reported."""
 
     goes_on = False
 
@@ -316,6 +319,11 @@ class Window(Fit):
         )
         program.returncode = 0  # waited for by its number
         return program.pid
+
+    def wait_until_begun(self) -> None:
+        deadline = time.monotonic() + 600
+        while not self.told() and time.monotonic() < deadline:
+            time.sleep(0.02)
 
 
 def make_parts(folder: Path, kinds: Collection[str]) -> None:
@@ -380,21 +388,25 @@ def killed(work: Work, moment: float) -> bool:
     """Begin the work and kill it; return whether it was still at it."""
     work.prepare()
     process = work.start()
+    work.wait_until_begun()
     time.sleep(moment)
     os.kill(process, signal.SIGKILL)
     return os.waitpid(process, 0)[1] == signal.SIGKILL
 
 
 def duration(work: Work) -> float:
-    """Return the seconds that the work takes undisturbed."""
+    """Return the seconds that the work takes undisturbed, from where kills are to come."""
     work.prepare()
+    process = work.start()
+    work.wait_until_begun()
     begun = time.monotonic()
-    status = os.waitpid(work.start(), 0)[1]
+    status = os.waitpid(process, 0)[1]
     if status:
         sys.exit(f"{type(work).__name__} ended with {status} without being killed.")
+    seconds = time.monotonic() - begun
     if lost := work.missing():
         sys.exit(f"{type(work).__name__}: {lost} without being killed.")
-    return time.monotonic() - begun
+    return seconds
 
 
 def try_kind(name: str, work: Work, kills: int, rng: np.random.Generator) -> list[str]:
@@ -408,7 +420,9 @@ def try_kind(name: str, work: Work, kills: int, rng: np.random.Generator) -> lis
             lost += [f"{name}, kill {number}: {one}" for one in work.missing()]
             if number % 5 == 0 and work.goes_on:
                 status = os.waitpid(work.start(), 0)[1]
-                lost += [f"{name}, kill {number}: again it ended with {status}"] if status else work.missing()
+                if status:
+                    lost.append(f"{name}, kill {number}: again it ended with {status}")
+                lost += [f"{name}, kill {number}: {one}, done again" for one in work.missing()]
                 lost += [f"{name}, kill {number}: {one} lies about" for one in work.litter()]
         except Exception as error:
             lost.append(f"{name}, kill {number}: {type(error).__name__}: {error}")
