@@ -56,9 +56,16 @@ SHARES = {"fit": 60, "segment": 30, "learn": 30, "generate": 40, "export": 50, "
 
 
 class Work(ABC):
-    """A kind of work in a folder of its own; what goes on is done again after some of the kills."""
+    """A kind of work in a folder of its own; what goes on is done again after some of the kills.
 
-    goes_on = True
+    Attributes
+    ----------
+    goes_on : bool
+    begins_late : bool
+        Whether kills come after the first report alone.
+    """
+
+    goes_on, begins_late = True, False
 
     def __init__(self, folder: Path, parts: Path) -> None:
         self.folder, self.parts, self.report = folder, parts, folder / "report"
@@ -88,6 +95,9 @@ class Work(ABC):
 
     def wait_until_begun(self) -> None:
         """Wait until the work is where kills are to come."""
+        deadline = time.monotonic() + 600
+        while self.begins_late and not self.told() and time.monotonic() < deadline:
+            time.sleep(0.02)
 
     @abstractmethod
     def do(self) -> None: ...
@@ -306,7 +316,7 @@ sys.exit(app.run(project_path="sand.mbs"))
 class Window(Fit):
     """The window in the midst of "Fit all", after the first grain was reported."""
 
-    goes_on = False
+    goes_on, begins_late = False, True
 
     def prepare(self) -> None:
         super().prepare()
@@ -319,11 +329,6 @@ class Window(Fit):
         )
         program.returncode = 0  # waited for by its number
         return program.pid
-
-    def wait_until_begun(self) -> None:
-        deadline = time.monotonic() + 600
-        while not self.told() and time.monotonic() < deadline:
-            time.sleep(0.02)
 
 
 def make_parts(folder: Path, kinds: Collection[str]) -> None:

@@ -34,7 +34,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        If the folder cannot be written or the disk is full.
+        If the folder cannot be written or the disk is full; it names `path`.
     """
     target = path.resolve()
     remove_leftovers(target.parent)
@@ -47,10 +47,21 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         flush_to_disk(temporary)
         temporary.replace(target)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise _naming(path, temporary, error) from error
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
     flush_folder(target.parent)
+
+
+def _naming(path: Path, temporary: Path, error: OSError) -> OSError:
+    """Return an error of the system that names the file which somebody knows, not the one beside it."""
+    of_another = error.filename is not None and not str(error.filename).startswith(str(temporary))
+    if error.errno is None or of_another:
+        return error
+    return OSError(error.errno, error.strerror or os.strerror(error.errno), str(path))
 
 
 def name_beside(path: Path) -> Path:
@@ -152,6 +163,9 @@ def replacing_folder(path: Path) -> Iterator[Path]:
             shutil.rmtree(old)
         else:
             temporary.rename(target)
+    except OSError as error:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise _naming(path, temporary, error) from error
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise

@@ -66,8 +66,8 @@ def segmentation_bytes(shape: tuple[int, ...], dtype: np.dtype[np.generic], *, i
     in_memory : bool
         Whether the voxels are in memory already, or mapped: these the system lets go of by itself.
     """
-    # Voxels that are no numbers are replaced in a copy.
-    copies = (0 if in_memory else 1) + (1 if dtype.kind == "f" else 0)
+    # Impulses, and voxels that are no numbers, are replaced in a copy.
+    copies = 1 if in_memory else 2
     count = math.prod(shape)
     each = BYTES_PER_VOXEL + copies * dtype.itemsize + (_WIDER if count >= _WIDE_ORDER else 0)
     return _AT_LEAST + count * each

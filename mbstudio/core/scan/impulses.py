@@ -42,14 +42,12 @@ def without_impulses(
     share = len(places) / max(int(np.count_nonzero(seen)), 1)
     if share < FEWEST:
         return voxels, share
-    mended = readable.copy()
-    _replace(readable, mended, places)
+    # No other copy is made: how much memory a segmentation takes is told before it begins.
+    mended = readable.copy() if readable is voxels else readable
+    mended[tuple(places.T)] = _medians(mended, places)
     for _ in range(_PASSES - 1):  # those that lay side by side
-        before = mended.copy()
-        left = _find(before, seen, _least_step(before, seen), _RANK)
-        if not len(left):
-            break
-        _replace(before, mended, left)
+        places = _find(mended, seen, _least_step(mended, seen), _RANK)
+        mended[tuple(places.T)] = _medians(mended, places)
     return mended, share
 
 
@@ -119,10 +117,11 @@ def _find(  # noqa: C901  # pragma: no cover - compiled, one loop over the neigh
 
 
 @compiled()
-def _replace(voxels: np.ndarray, mended: np.ndarray, places: np.ndarray) -> None:  # pragma: no cover
-    """Give impulses the median of their neighbours."""
+def _medians(voxels: np.ndarray, places: np.ndarray) -> np.ndarray:  # pragma: no cover
+    """Return the median of the neighbours of each place."""
     nz, ny, nx = voxels.shape
     values = np.empty(26, voxels.dtype)
+    found = np.empty(len(places), voxels.dtype)
     for row in range(len(places)):
         z, y, x = places[row, 0], places[row, 1], places[row, 2]
         count = 0
@@ -133,4 +132,5 @@ def _replace(voxels: np.ndarray, mended: np.ndarray, places: np.ndarray) -> None
                         values[count] = voxels[i, j, k]
                         count += 1
         ordered = np.sort(values[:count])
-        mended[z, y, x] = ordered[count // 2]
+        found[row] = ordered[count // 2]
+    return found

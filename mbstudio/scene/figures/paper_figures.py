@@ -13,7 +13,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import imageio.v3 as imageio
 import numpy as np
 import pyvista as pv
 from jaxtyping import Float, UInt8
@@ -23,6 +22,7 @@ from mbstudio.core.metaball import Avatar
 from mbstudio.core.units import VoxelSize
 from mbstudio.scene import camera
 from mbstudio.scene.pictures.figures import DPI, drawn
+from mbstudio.scene.pictures.picture_file import write_picture
 from mbstudio.scene.pictures.pictures import require_picture
 from mbstudio.scene.surfaces import Surface, avatar_surface, grain_surface
 from mbstudio.scene.theme import LIGHT, SceneTheme
@@ -116,7 +116,7 @@ def render_paper_figures(
 
     def save(name: str, image: Image) -> None:
         require_picture(image, name)
-        imageio.imwrite(folder / name, image)
+        write_picture(folder / name, image)
         written.append(folder / name)
 
     report(0.0, "metaballs in the plane and in space")

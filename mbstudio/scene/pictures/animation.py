@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -12,6 +13,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from mbstudio.core.errors import MbstudioError
+from mbstudio.core.replacement import flush_folder, flush_to_disk, name_beside, remove_leftovers
 
 ENDINGS = (".gif", ".png", ".mp4")
 SECONDS = 0.06
@@ -65,41 +67,73 @@ def animation_file(
 def _sequence(path: Path) -> Iterator[Callable[[UInt8[np.ndarray, "h w 3"]], None]]:
     import imageio.v3 as imageio
 
-    written: list[tuple[Path, Path]] = []
+    names: list[str] = []
+    with _workplace(path) as folder:
 
-    def add(frame: UInt8[np.ndarray, "h w 3"]) -> None:
-        name = f"{path.stem}_{len(written):03d}.png"
-        written.append((path.with_name(f".{name}.part"), path.with_name(name)))
-        imageio.imwrite(written[-1][0], frame, extension=".png")
+        def add(frame: UInt8[np.ndarray, "h w 3"]) -> None:
+            names.append(f"{path.stem}_{len(names):03d}.png")
+            imageio.imwrite(folder / names[-1], frame, extension=".png")
 
-    try:
         yield add
-        for part, whole in written:
-            part.replace(whole)
-    finally:
-        for part, _ in written:
-            part.unlink(missing_ok=True)
+        _put_in_place(path, folder, names)
 
 
 @contextmanager
 def _film(path: Path, seconds: float) -> Iterator[Callable[[UInt8[np.ndarray, "h w 3"]], None]]:
     import imageio.v2 as imageio
 
-    # Beside its place and then renamed: no half an animation is left behind.
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
     options: dict[str, Any] = {"duration": 1000 * seconds, "loop": 0}
     if path.suffix.lower() == ".mp4":
         options = {"fps": 1 / seconds, "macro_block_size": 2}
-
-    try:
-        with imageio.get_writer(part, **options) as opened:
+    count = 0
+    with _workplace(path) as folder:
+        with imageio.get_writer(folder / path.name, **options) as opened:
             writer: Any = opened
 
             def add(frame: UInt8[np.ndarray, "h w 3"]) -> None:
+                nonlocal count
                 height, width = (side // 2 * 2 for side in frame.shape[:2])  # MP4 takes even sides only
                 writer.append_data(np.ascontiguousarray(frame[:height, :width]))
+                count += 1
 
             yield add
-        part.replace(path)
+        if path.suffix.lower() == ".mp4":
+            _require_frames(folder / path.name, count)
+        _put_in_place(path, folder, [path.name])
+
+
+@contextmanager
+def _workplace(path: Path) -> Iterator[Path]:
+    """Give a folder beside an animation: nothing half done is ever in its place, nor is it left behind."""
+    folder = path.resolve().parent
+    remove_leftovers(folder)
+    workplace = name_beside(folder / path.name)
+    workplace.mkdir()
+    try:
+        yield workplace
     finally:
-        part.unlink(missing_ok=True)
+        shutil.rmtree(workplace, ignore_errors=True)
+
+
+def _put_in_place(path: Path, workplace: Path, names: list[str]) -> None:
+    """Move files to their places, once all of them lie on the disk."""
+    folder = path.resolve().parent
+    for name in names:
+        if (folder / name).is_dir():
+            raise IsADirectoryError(f"{folder / name} is a folder")
+        flush_to_disk(workplace / name)
+    for name in names:
+        (workplace / name).replace((folder / name).resolve())
+    flush_folder(folder)
+
+
+def _require_frames(film: Path, count: int) -> None:
+    """Raise OSError unless all frames are in a film: ffmpeg does not say why it has ended."""
+    from imageio_ffmpeg import count_frames_and_secs
+
+    try:
+        found, _ = count_frames_and_secs(str(film))
+    except (RuntimeError, ValueError, IndexError):
+        found = 0
+    if found != count:
+        raise OSError(f"only {found} of {count} frames could be written: is the disk full?")

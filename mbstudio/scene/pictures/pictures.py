@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import imageio.v3 as imageio
 import numpy as np
 import pyvista as pv
 from jaxtyping import UInt8
@@ -14,6 +13,7 @@ from jaxtyping import UInt8
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene.grain_surfaces import overview_of_grains, surface_of_grain
 from mbstudio.scene.pictures.figures import convergence_figure, slices_figure
+from mbstudio.scene.pictures.picture_file import write_picture
 from mbstudio.scene.scene import Scene
 from mbstudio.scene.surfaces import (
     avatar_surface,
@@ -127,7 +127,7 @@ def _render(draw: Callable[[Scene], None], size: tuple[int, int] = SIZE) -> UInt
 
 def _save(path: Path, image: UInt8[np.ndarray, "h w 3"]) -> Path:
     require_picture(image, path.name)
-    imageio.imwrite(path, image)
+    write_picture(path, image)
     return path
 
 

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QFileDialog
 from mbstudio.core.errors import MbstudioError
 from mbstudio.scene import camera
 from mbstudio.scene.pictures.animation import animation_file, require_writer
+from mbstudio.scene.pictures.picture_file import write_picture
 from mbstudio.ui.language import tr
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.workers import Control, Task
@@ -91,11 +92,9 @@ class Pictures(QObject):
 
     def save(self, path: Path) -> None:
         """Save the 3-D view as a picture."""
-        from imageio.v3 import imwrite
-
         path = path if path.suffix else path.with_suffix(".png")
         try:
-            imwrite(path, self._studio.viewport.picture(self.scale))
+            write_picture(path, self._studio.viewport.picture(self.scale))
         except OSError as error:
             self._studio.say(
                 "error",

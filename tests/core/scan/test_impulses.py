@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 import mbstudio as mb
 from mbstudio.core.errors import SegmentationWarning
 from mbstudio.core.grains.agreement import agreement
-from mbstudio.core.scan import Scan
+from mbstudio.core.scan import Scan, impulses
 from mbstudio.core.scan.impulses import without_impulses
 from mbstudio.core.units import VoxelSize
 from tests.core.grains.degraded import packed, scanned, scattered
@@ -34,6 +36,24 @@ def test_impulses_are_replaced_and_nothing_else(rng, dtype):
     untouched = ~hit
     assert (mended[untouched] == struck.astype(dtype)[untouched]).mean() > 0.999
     assert np.abs(mended[hit] - grey[hit].astype(float)).mean() < 3000
+
+
+@pytest.mark.parametrize("dtype", ["<u2", ">u2", "f4", "f2"])
+def test_one_copy_of_the_voxels_is_made(rng, dtype, monkeypatch):
+    """The estimate of a segmentation's memory counts one."""
+    struck, _ = _struck(np.tile(scanned(packed(), noise=0.1), (1, 2, 2)), 0.01, rng)
+    struck = struck.astype(dtype)
+    seen = _whole(struck)
+    monkeypatch.setattr(impulses, "_SAMPLED", 10_000)  # of which noise is measured, however many there are
+    without_impulses(struck, seen)  # compiles
+    tracemalloc.start()
+    try:
+        mended, _ = without_impulses(struck, seen)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    places = 8 * 3 * 4096 * 2 ** np.ceil(np.log2(0.01 * struck.size / 4096))
+    assert peak < mended.nbytes + 2.5 * places + 1e6
 
 
 @pytest.mark.parametrize("how", [{}, {"noise": 0.6}, {"noise": 0.0, "blur": 0.5}, {"toned": (0.3, 3.0)}])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -219,6 +220,7 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
         **learner_entries(learner),
     }
     card = seal_json(entries)
+    had_folder, had_weights = folder.exists(), (folder / weights).exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with replacing(folder / weights) as temporary:
@@ -229,6 +231,11 @@ def write_learner(learner: StyleLearner, folder: Path) -> Path:
             if older.name != weights:
                 older.unlink(missing_ok=True)
     except OSError as error:
+        with suppress(OSError):  # a folder that cannot be read can hardly be tidied up
+            if not had_weights:
+                (folder / weights).unlink(missing_ok=True)
+            if not had_folder:
+                folder.rmdir()
         raise StyleError(
             f"The style-learner cannot be written into {folder}: {error.strerror or error}. "
             "Choose a folder that can be written."

@@ -17,7 +17,7 @@ import pytest
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan import open_scan
-from mbstudio.core.scan.readers.hdf5 import served_file, server, volume
+from mbstudio.core.scan.readers.hdf5 import served_file, volume
 from mbstudio.core.scan.readers.hdf5.served_file import ServedFile
 from mbstudio.core.scan.readers.hdf5.server import Server, pieces
 
@@ -125,7 +125,7 @@ def test_the_program_ends_when_nobody_asks(packed: tuple[Path, np.ndarray]) -> N
 def bad_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     path = tmp_path / "bad.py"
     path.write_text(text)
-    monkeypatch.setattr(server, "__file__", str(path))
+    monkeypatch.setattr(served_file, "PROGRAM", path)
 
 
 @pytest.mark.parametrize(

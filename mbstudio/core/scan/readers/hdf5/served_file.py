@@ -16,8 +16,9 @@ from typing import IO, Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers.hdf5 import server
 
+# Not imported: it would bring h5py along.
+PROGRAM = Path(__file__).with_name("server.py")
 SECONDS = 30
 """Longest time in which the other process may say nothing."""
 
@@ -193,7 +194,7 @@ class _Process:
         search = os.pathsep.join(entry for entry in sys.path if entry)
         try:
             self._program = subprocess.Popen(
-                [sys.executable, "-P", "-S", server.__file__, str(path)],
+                [sys.executable, "-P", "-S", str(PROGRAM), str(path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
