@@ -83,6 +83,8 @@ def test_exports_are_whole_or_as_they_were(tmp_path: Path, target: str) -> None:
     rng = np.random.default_rng(3)
     avatar = Avatar(rng.normal(size=(6, 3)) * 0.3, rng.uniform(0.1, 0.2, 6), "mm", label=3, name="pebble")
     require_nothing_is_lost(
-        tmp_path, "out", lambda path: export([avatar], target, path, density=2650.0, overwrite=True),
+        tmp_path,
+        "out",
+        lambda path: export([avatar], target, path, density=2650.0, overwrite=True),
         ("over",),
     )

@@ -72,7 +72,7 @@ def _sequence(path: Path) -> Iterator[Callable[[UInt8[np.ndarray, "h w 3"]], Non
 
         def add(frame: UInt8[np.ndarray, "h w 3"]) -> None:
             names.append(f"{path.stem}_{len(names):03d}.png")
-            imageio.imwrite(folder / names[-1], frame, extension=".png")
+            (folder / names[-1]).write_bytes(imageio.imwrite("<bytes>", frame, extension=".png"))
 
         yield add
         _put_in_place(path, folder, names)
@@ -128,12 +128,31 @@ def _put_in_place(path: Path, workplace: Path, names: list[str]) -> None:
 
 
 def _require_frames(film: Path, count: int) -> None:
-    """Raise OSError unless all frames are in a film: ffmpeg does not say why it has ended."""
-    from imageio_ffmpeg import count_frames_and_secs
+    """Raise OSError unless a film is whole, with all frames: ffmpeg does not say why it has ended."""
+    import imageio.v2 as imageio
+
+    _require_whole_boxes(film)
 
     try:
-        found, _ = count_frames_and_secs(str(film))
-    except (RuntimeError, ValueError, IndexError):
+        with imageio.get_reader(film) as opened:
+            reader: Any = opened
+            found = reader.count_frames()
+    except (OSError, RuntimeError, ValueError, IndexError):
         found = 0
     if found != count:
         raise OSError(f"only {found} of {count} frames could be written: is the disk full?")
+
+
+def _require_whole_boxes(film: Path) -> None:
+    """Raise OSError unless the last of the boxes that an MP4 consists of ends with the file."""
+    length, place = film.stat().st_size if film.exists() else 0, 0
+    with film.open("rb") as stream:
+        while place < length:
+            stream.seek(place)
+            head = stream.read(16)
+            size = int.from_bytes(head[:4], "big")
+            if size == 1:  # the length follows in eight bytes
+                size = int.from_bytes(head[8:16], "big")
+            place = place + size if size >= 8 else length + 1
+    if not length or place != length:
+        raise OSError(f"{film.name} is cut off: is the disk full?")

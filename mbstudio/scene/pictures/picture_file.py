@@ -20,5 +20,8 @@ def write_picture(path: Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
     """
     import imageio.v3 as imageio
 
+    # Not into the file: most formats' writers do not tell that a disk is full.
+    content = imageio.imwrite("<bytes>", image, extension=path.suffix)
+    assert isinstance(content, bytes)
     with replacing(path) as temporary:
-        imageio.imwrite(temporary, image, extension=path.suffix)
+        temporary.write_bytes(content)
