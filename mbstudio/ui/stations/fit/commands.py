@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.fit.link import FitLink
+from mbstudio.ui.stations.fit.panel import FitPanel
 from mbstudio.ui.stations.fit.sweep_dock import SweepDock
 from mbstudio.ui.stations.fit.sweep_work import SweepWork
 from mbstudio.ui.stations.fit.work import FitWork
@@ -18,6 +19,7 @@ def fit_commands(
     space: Workspace,
     work: FitWork,
     link: FitLink,
+    panel: FitPanel,
     curve: DockFrame,
     sweep: Sequence[Command],
 ) -> list[Command]:
@@ -27,6 +29,16 @@ def fit_commands(
         *sweep,
         curve.command(
             tr("Convergence curve"), tr("Show or hide the convergence curve"), icon="ph.chart-line"
+        ),
+        Command(
+            id="fit.intervals",
+            title=tr("Intervals of the factors"),
+            run=link.switch_intervals,
+            menu="Fit",
+            icon="ph.arrows-out-line-horizontal",
+            tip=tr("Show how far the factors of the selected grain may be off, or the factors again"),
+            enabled=lambda: panel.factors.has_grain,
+            checked=lambda: panel.factors.has_intervals,
         ),
         Command(
             id="view.save_curve",

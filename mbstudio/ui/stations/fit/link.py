@@ -7,6 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSignalBlocker
 from PySide6.QtWidgets import QFileDialog
 
+from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.ui.figure_files import FIGURE_FILTER, draw_figure, fault_of_figure, figure_path
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.fit.panel import FitPanel
@@ -48,10 +49,9 @@ class FitLink(QObject):
         work.losses_arrived.connect(self._add_losses)
         work.avatar_moved.connect(view.show_live_avatar)
         view.surfaces.live_label = lambda: work.running_label
-        view.factors_ready.connect(panel.show_factors)
+        view.factors_ready.connect(self._show_factors)
         view.arranged.connect(self._show_points)
-        panel.intervals_button.clicked.connect(self.switch_intervals)
-        interval_work.found.connect(panel.show_intervals)
+        interval_work.found.connect(self._show_intervals)
         panel.opacity_changed.connect(view.set_opacity)
         panel.points.toggled.connect(self._switch_points)
 
@@ -65,6 +65,14 @@ class FitLink(QObject):
             return
         fit = self._space.state.fits.get(chosen) if chosen is not None else None
         self._curve.set_losses([] if fit is None else [float(loss) for loss in fit.history])
+
+    def _show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:
+        self._panel.show_factors(grain, avatar)
+        self._studio.commands.refresh()
+
+    def _show_intervals(self, label: int, intervals: FactorIntervals | None) -> None:
+        self._panel.show_intervals(label, intervals)
+        self._studio.commands.refresh()
 
     def _show_points(self) -> None:
         with QSignalBlocker(self._panel.points):
@@ -92,13 +100,13 @@ class FitLink(QObject):
         """Let the last fit go on."""
         self._work.go_on(self._panel.more.value(), self._panel.n.value())
 
-    def switch_intervals(self) -> None:
+    def switch_intervals(self, _shown: bool = True) -> None:
         """Show between what the factors of the chosen grain lie, or its factors again."""
         label = self._space.selected
         if label is None:
             return
         if self._panel.factors.has_intervals:
-            self._panel.show_intervals(label, None)
+            self._show_intervals(label, None)
         else:
             self._interval_work.find(label)
 

@@ -322,6 +322,5 @@ class FitPanel(Panel):
         grains = self._workspace.state.grains
         exact = grains is not None and self._workspace.selected in grains.meshes
         self.intervals_button.setVisible(not exact)
-        self.intervals_button.setEnabled(self.factors.has_grain)
         on = self.factors.has_intervals
         self.intervals_button.setText(tr("Factors of the grain") if on else tr("Intervals of the grain"))

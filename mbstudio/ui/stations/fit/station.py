@@ -90,14 +90,13 @@ class FitStation(Station):
             self.sweep_frame,
             self.show_sweep,
         )
-        return fit_commands(self.studio.workspace, self.work, self.link, self.curve_frame, sweep)
+        return fit_commands(self.studio.workspace, self.work, self.link, self.panel, self.curve_frame, sweep)
 
     def wire(self) -> None:
         self.relay_messages(self.work, self.sweep_work, self.interval_work)
         self.work.changed.connect(self.studio.refresh)
         self.work.arrived.connect(self.arrived)
         self.sweep_dock.advice_changed.connect(self.studio.commands.refresh)
-        self.panel.sweep_button.clicked.connect(lambda: self.show_sweep(True))
         self.sweep_work.changed.connect(self.studio.refresh)
         for button, command in (
             (self.panel.fit_button, "fit.grain"),
@@ -105,6 +104,8 @@ class FitStation(Station):
             (self.panel.pause_button, "fit.pause"),
             (self.panel.stop_button, "fit.stop"),
             (self.panel.more_button, "fit.more"),
+            (self.panel.sweep_button, "fit.sweep"),
+            (self.panel.intervals_button, "fit.intervals"),
             (self.panel.before, "grains.previous"),
             (self.panel.after, "grains.next"),
             (self.sweep_dock.start_button, "fit.start_sweep"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float64
@@ -32,7 +32,6 @@ from mbstudio.ui.stations.latent.shelf import Shelf
 from mbstudio.ui.stations.latent.work import LatentWork
 from mbstudio.ui.stations.station import Station
 from mbstudio.ui.studio import Studio
-from mbstudio.ui.style_folder import open_style_folder
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.workers import Task
 
@@ -85,8 +84,6 @@ class LatentLink(QObject):
         work.grain_changed.connect(self._show_grain)
         work.stepped.connect(blend.stop)
         work.kept_changed.connect(self._show_kept)
-        self._panel.open_asked.connect(self.ask_style)
-        self._panel.style_asked.connect(lambda: self._studio.enter("style"))
         shelf.kept.currentRowChanged.connect(lambda _: self._studio.offers.choose_kept(shelf.kept.chosen))
         blend.picked.connect(self.pick)
         blend.share_moved.connect(lambda share: self._interpolate(share, False))
@@ -119,25 +116,6 @@ class LatentLink(QObject):
         self._dock.blend.stop()
         self._studio.offers.choose_kept(self._shelf.kept.chosen)
         self._view.take_unit()
-
-    def ask_style(self) -> None:
-        """Let the person choose the folder of a style-learner."""
-        name = QFileDialog.getExistingDirectory(self._studio.host, tr("Open style-learner"))
-        if name:
-            self.open_style(Path(name))
-
-    def open_style(self, folder: Path) -> None:
-        """Open a style-learner in the background."""
-
-        def take(opened: tuple[Any, tuple[str, ...]]) -> None:
-            learner, notes = opened
-            self._studio.workspace.use_style(learner, tr("Open style"))
-            for note in notes:
-                self._studio.say("warning", note)
-
-        task = Task(tr("Opening the style-learner"), lambda control: open_style_folder(folder))
-        task.succeeded.connect(take)
-        self._studio.queue.submit(task)
 
     def _take_style(self) -> None:
         learner, about = self._work.learner, self._work.about

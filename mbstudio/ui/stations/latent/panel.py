@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QHBoxLayout,
@@ -33,23 +32,14 @@ _FIRST, _MORE = 8, 12
 """Sliders of components that are there at first, and that each “more” adds."""
 _MOST_NOISE = 1.0
 _BEYOND = 2.0
-_NOT_LEARNED = mark("The meanings have not been learned. Leave the station and come back to learn them.")
 """Times as far as the parents reach go the sliders where that is allowed."""
 _WRITTEN = 1.0
 """Share of a slider's range by which a value written in its box may lie beyond it."""
+_NOT_LEARNED = mark("The meanings have not been learned. Leave the station and come back to learn them.")
 
 
 class LatentPanel(Panel):
-    """Sliders, noise and what is done with the grain.
-
-    Attributes
-    ----------
-    open_asked, style_asked : signal
-        Open a style-learner's folder; go to where one is made.
-    """
-
-    open_asked = Signal()
-    style_asked = Signal()
+    """Sliders, noise and what is done with the grain."""
 
     def __init__(self, work: LatentWork, icons: Icons) -> None:
         super().__init__(tr("Latent studio"), tr("The surface follows the slider."))
@@ -192,8 +182,6 @@ class LatentPanel(Panel):
         self.noise.settled.connect(lambda sigma: work.commit(self._noise(sigma), instead=True))
         self.beyond.toggled.connect(self._allow)
         self.more.clicked.connect(lambda: self._add_components(_MORE))
-        self.open_button.clicked.connect(self.open_asked)
-        self.style_button.clicked.connect(self.style_asked)
         work.style_taken.connect(self.take_style)
         work.meanings_changed.connect(self._show_meanings)
         work.grain_changed.connect(self._show_grain)

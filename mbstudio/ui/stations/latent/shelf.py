@@ -70,8 +70,6 @@ class Shelf(QFrame):
             strip.currentRowChanged.connect(lambda _: self._refresh())
         self.setFixedHeight(154)
         self.tabs.currentChanged.connect(lambda _: self._refresh())
-        self.remove.clicked.connect(self.remove_chosen)
-        self.rename.clicked.connect(self.rename_chosen)
         self.kept.renamed.connect(self.rename_asked)
         self._refresh()
 
@@ -129,7 +127,6 @@ class Shelf(QFrame):
             strip.setVisible(strip is self.strip)
         for button in (self.rename, self.remove):
             button.setVisible(self.strip is self.kept)
-            button.setEnabled(self.kept.chosen is not None)
 
     def rename_chosen(self) -> None:
         """Let the person write another name for the chosen kept grain."""

@@ -76,6 +76,8 @@ class LatentStation(Station):
         for button, command in (
             (self.panel.undo, "edit.undo"),
             (self.panel.redo, "edit.redo"),
+            (self.panel.open_button, "style.open"),
+            (self.panel.style_button, "station.style"),
             (self.panel.reset, "latent.reset"),
             (self.panel.keep, "latent.keep"),
             (self.panel.alike, "latent.alike"),
@@ -84,6 +86,8 @@ class LatentStation(Station):
             (self.dock.blend.play, "latent.play"),
             (self.dock.blend.animation, "latent.animation"),
             (self.dock.blend.apply, "latent.add"),
+            (self.shelf.rename, "latent.rename"),
+            (self.shelf.remove, "latent.remove"),
         ):
             self.studio.commands.bind(button, command)
 

@@ -38,12 +38,9 @@ class PopulationDock(QFrame):
     ----------
     brushed : signal (list of int, bool)
         Labels that were chosen in a plot, and whether to add them.
-    save_asked, copy_asked : signal
     """
 
     brushed = Signal(object, bool)
-    save_asked = Signal()
-    copy_asked = Signal()
 
     def __init__(self, theme: Theme, icons: Icons) -> None:
         super().__init__()
@@ -109,8 +106,6 @@ class PopulationDock(QFrame):
         self.rectangle.setChecked(True)
         self.lasso.toggled.connect(self._set_mode)
         self.everything.clicked.connect(lambda: self.page.show_everything())
-        self.save.clicked.connect(self.save_asked)
-        self.copy.clicked.connect(self.copy_asked)
 
     def _set_mode(self, lasso: bool) -> None:
         for page in self.pages.values():

@@ -43,8 +43,6 @@ class PopulationLink(QObject):
         self._studio, self._space = studio, studio.workspace
         self._work, self._panel, self._dock = work, panel, dock
         self._panel.shown_changed.connect(self._show)
-        self._dock.save_asked.connect(self.ask_figure)
-        self._dock.copy_asked.connect(self.copy_figure)
         self._dock.brushed.connect(self._brushed)
         self._space.selection_changed.connect(self._mark)
         self._space.grains_changed.connect(self._say)

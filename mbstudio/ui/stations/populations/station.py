@@ -64,6 +64,8 @@ class PopulationStation(Station):
         self.work.changed.connect(self.studio.refresh)
         self.studio.commands.bind(self.panel.measure_button, "populations.measure")
         self.studio.commands.bind(self.panel.report_button, "populations.report")
+        self.studio.commands.bind(self.dock.save, "populations.save_figure")
+        self.studio.commands.bind(self.dock.copy, "populations.copy_figure")
 
     def enter(self) -> None:
         if self.studio.queue.running() is None:

@@ -19,8 +19,8 @@ from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.presets import PRESETS, find_preset
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.run import Run
+from mbstudio.ui.stations.style.style_folder import open_style_folder
 from mbstudio.ui.stations.work import Work
-from mbstudio.ui.style_folder import open_style_folder
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 

@@ -34,7 +34,7 @@ def test_without_a_style_learner_the_panel_explains(window, idle, rest, learner,
     assert not panel.keep.isEnabled()
     assert not window.docks["latent"].isVisible()
     folder = learner.save(tmp_path / "boxes")
-    window.stations.latent.link.open_style(folder)
+    window.stations.style.work.open(folder)
     rest()
     assert window.stations.latent.work.meanings is not None
     assert panel.meanings["csf"].isEnabled()

@@ -1,4 +1,4 @@
-"""Opens the folder of a style-learner for any station, with what the person should know about its files."""
+"""Opens the folder of a style-learner, with what the person should know about its files."""
 
 from __future__ import annotations
 
