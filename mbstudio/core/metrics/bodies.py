@@ -49,6 +49,8 @@ class MeasuredBody:
         As in `ShapeFactors`.
     warning : str
         What to mind; empty if nothing.
+    voxel_edge : float
+        Smallest edge of the voxels that the outline follows; 0 for an exact surface.
     """
 
     volume: float
@@ -60,6 +62,7 @@ class MeasuredBody:
     unit: str
     surface: str
     warning: str = ""
+    voxel_edge: float = 0.0
 
     @property
     def own_length(self) -> float:
@@ -77,6 +80,7 @@ class MeasuredBody:
             coarse=None if coarse is None else (coarse[0] * factor, coarse[1]),
             second=self.second * factor**2,
             centre=self.centre * factor,
+            voxel_edge=self.voxel_edge * factor,
         )
 
 
@@ -141,7 +145,8 @@ def _prepare_grain(grain: Grain, surface: VoxelSurface) -> MeasuredBody:
         area, stated = surface_area(*outline), "smoothed voxels"
     integrals, origin = voxel_integrals(grain)
     _, centre, second = _moments(integrals, origin)
-    return MeasuredBody(grain.volume, area, outline, None, second, centre, grain.unit, stated, warning)
+    edge = float(min(grain.voxel_size.zyx))
+    return MeasuredBody(grain.volume, area, outline, None, second, centre, grain.unit, stated, warning, edge)
 
 
 def _prepare_mesh(mesh: trimesh.Trimesh, unit: str | None) -> MeasuredBody:

@@ -1,9 +1,7 @@
-"""A body smoothed at a scale stated in its own size, and the curvature of its surface there.
+"""A body smoothed at a scale stated in its own size, and how rough its surface is against that.
 
-Curvature exists only at a scale: voxels, triangles and metaballs have different ones of their own.
-Every body is therefore brought onto the same grid, 40 cells to D_n, and smoothed by a Gaussian of
-D_n / 16. A sharp edge then counts as rounded by about that much, and details finer than it count as
-roughness.
+Every body is brought onto the same grid, 40 cells to D_n, and smoothed by a Gaussian of D_n / 16. Details
+finer than that count as roughness, the sharpness of edges among them.
 """
 
 from __future__ import annotations
@@ -87,52 +85,6 @@ class SmoothedBody:
         )
         return distances
 
-    def surface(self) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
-        """Return the smoothed surface as vertices, in cells (z, y, x), and faces."""
-        from skimage.measure import marching_cubes
-
-        vertices, faces, _, _ = marching_cubes(self.field, self.level)
-        return vertices.astype(np.float64), faces
-
-    def largest_curvature(self, places: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
-        """Return the larger principal curvature at points of the surface, positive where convex.
-
-        Parameters
-        ----------
-        places : float array, shape (v, 3)
-            In cells (z, y, x).
-
-        Returns
-        -------
-        float array, shape (v,)
-            In 1 / unit.
-
-        Notes
-        -----
-        Of a level set of f, high inside, the shape operator is -P H P / |grad f| with H the Hessian
-        and P the projection onto the tangent plane (Goldman 2005, Curvature formulas for implicit curves and
-        surfaces, Computer Aided Geometric Design 22, 632-658).
-        """
-        first = {0: (1, 0, 0), 1: (0, 1, 0), 2: (0, 0, 1)}
-        slope = np.stack([self._at(first[i], places) for i in range(3)], axis=1)
-        size = np.maximum(np.linalg.norm(slope, axis=1), 1e-9)
-        normal = slope / size[:, None]
-        hessian = np.empty((len(places), 3, 3))
-        for i in range(3):
-            for j in range(i, 3):
-                order = np.add(first[i], first[j])
-                hessian[:, i, j] = hessian[:, j, i] = self._at((order[0], order[1], order[2]), places)
-        tangent = np.eye(3) - normal[:, :, None] * normal[:, None, :]
-        operator = -tangent @ hessian @ tangent / size[:, None, None]
-        mean = np.trace(operator, axis1=1, axis2=2) / 2
-        squares = np.einsum("vij,vij->v", operator, operator)
-        largest: np.ndarray = (mean + np.sqrt(np.maximum(squares / 2 - mean**2, 0.0))) / self.edge
-        return largest
-
-    def _at(self, order: tuple[int, int, int], places: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
-        values: np.ndarray = ndimage.map_coordinates(self._filtered(order), places.T, order=1)
-        return values
-
 
 def smooth_body(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], nominal_diameter: float
@@ -150,7 +102,7 @@ def smooth_body(
     if cells.prod() * _FINER**3 > _MOST_SAMPLES:
         raise MeasureError(
             f"The body is {float((high - low).max() / nominal_diameter):.0f} times as long as its nominal "
-            "diameter: roundness and roughness are not defined for such a thread."
+            "diameter: roughness is not defined for such a thread."
         )
     origin = (low + high) / 2 - edge * (cells - 1) / 2
     fine = edge / _FINER
@@ -161,28 +113,6 @@ def smooth_body(
     blocks = inside.reshape(nz, _FINER, ny, _FINER, nx, _FINER)
     share = blocks.sum(axis=(1, 3, 5), dtype=np.float32) / np.float32(_FINER**3)
     return SmoothedBody(share, edge, origin)
-
-
-def roundness(body: SmoothedBody, inscribed_radius: float) -> float:
-    """Return Wadell's roundness in three dimensions.
-
-    Corners are where the larger principal curvature exceeds that of the inscribed sphere. The mean over
-    their area of the radius of curvature, over the radius of the inscribed sphere; 1 where there are none.
-
-    Parameters
-    ----------
-    inscribed_radius : float
-        In unit.
-    """
-    vertices, faces = body.surface()
-    curvature = body.largest_curvature(vertices)
-    corners = vertices[faces]
-    sizes = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    at_face = curvature[faces].mean(axis=1)
-    corner = at_face > 1.0 / inscribed_radius
-    if not corner.any():
-        return 1.0
-    return float(sizes[corner] @ (1.0 / at_face[corner]) / sizes[corner].sum() / inscribed_radius)
 
 
 def roughness(

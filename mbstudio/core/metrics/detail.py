@@ -12,9 +12,10 @@ from mbstudio.core.grains.grain import Grain
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.axes import convex_hull
 from mbstudio.core.metrics.bodies import UNITLESS, MeasuredBody, prepare_measured_body
-from mbstudio.core.metrics.curvature import roughness, roundness, smooth_body
+from mbstudio.core.metrics.curvature import roughness, smooth_body
 from mbstudio.core.metrics.feret import feret_diameters
 from mbstudio.core.metrics.harmonics import band_energies
+from mbstudio.core.metrics.roundness import roundness
 from mbstudio.core.metrics.shape_factors import DetailedFactors, factors_times, scale_factors
 from mbstudio.core.metrics.spheres import enclosing_sphere, inscribed_sphere
 from mbstudio.core.metrics.surfaces import signed_volumes
@@ -83,6 +84,7 @@ def _factors_of(body: MeasuredBody) -> DetailedFactors:
     inner = inscribed_sphere(vertices, faces, smooth.inside, smooth.edge, smooth.origin)
     outer = enclosing_sphere(hull.points[hull.vertices])
     feret_min, feret_mid, feret_max = (float(length) for length in feret_diameters(hull).lengths)
+    round_ = roundness(vertices, faces, inner.radius, body.voxel_edge)
     energies = band_energies(vertices, faces, body.centre)
     return DetailedFactors(
         convexity=float(signed_volumes(vertices, faces).sum()) / float(hull.volume),
@@ -92,15 +94,23 @@ def _factors_of(body: MeasuredBody) -> DetailedFactors:
         feret_min=feret_min,
         feret_mid=feret_mid,
         feret_max=feret_max,
-        roundness=roundness(smooth, inner.radius),
+        roundness=round_,
         roughness=roughness(smooth, vertices, faces, dn),
         bands=None if energies is None else tuple(float(energy) for energy in energies),
         inscribed_centre=_triple(inner.centre),
         enclosing_centre=_triple(outer.centre),
         unit=body.unit,
         surface=body.surface,
-        warning=body.warning,
+        warning=" ".join(said for said in (body.warning, _doubt(round_, body)) if said),
     )
+
+
+def _doubt(roundness: float, body: MeasuredBody) -> str:
+    if not np.isnan(roundness):
+        return ""
+    if body.voxel_edge:
+        return "The grain has fewer than 15 voxels across its largest sphere: its roundness cannot be told."
+    return "The body is too thin and wide: its roundness cannot be told."
 
 
 def _triple(point: np.ndarray) -> tuple[float, float, float]:

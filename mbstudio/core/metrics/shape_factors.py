@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.units import conversion_factor
 
@@ -24,8 +26,8 @@ class DetailedFactors:
     feret_min, feret_mid, feret_max : float
         Caliper diameters in unit: least width, largest width across the direction of `feret_max`, largest.
     roundness : float
-        Wadell's in three dimensions: mean radius of curvature of the corners over the inscribed radius, at a
-        scale of D_n / 16.
+        Wadell's in three dimensions: mean radius of curvature of the corners over the inscribed radius. NaN
+        where it cannot be told: a grain of fewer than 15 voxels across its inscribed sphere.
     roughness : float
         Root mean square distance to the body smoothed at D_n / 16, over D_n.
     bands : tuple of float, or None
@@ -57,15 +59,16 @@ class DetailedFactors:
     warning: str = ""
 
     def as_dict(self) -> dict[str, float | str | None]:
-        """Return name and value of every factor, for tables; `band_1` and so on are None where undefined.
+        """Return name and value of every factor, for tables; None where undefined.
 
         An added factor that needs core factors too is not among them: populations have it.
         """
-        row: dict[str, float | str | None] = {
+        row: dict[str, Any] = {
             name: FACTORS.value(name, vars(self))
             for name in FACTORS.detail
             if name in vars(self) or vars(self).keys() >= set(FACTORS[name].arguments)
         }
+        row = {name: None if np.isnan(value) else value for name, value in row.items()}
         for band, name in enumerate(FACTORS.bands, 1):
             row[name] = None if self.bands is None else self.bands[band]
         return {**row, "unit": self.unit, "surface": self.surface, "warning": self.warning}

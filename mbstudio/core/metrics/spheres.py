@@ -12,11 +12,14 @@ from scipy import ndimage
 from mbstudio.core.compiled import compiled
 from mbstudio.core.errors import MeasureError
 
-_STARTS = 6
-_ROUNDS = 40
-_EXACT = 1e-5
-_CONSTRAINTS = 1500
-_OUTSIDE = 1e-10
+_STARTS = 24
+_ROUNDS = 100
+_PIVOTS = 200
+_EXACT = 1e-6
+_HELD = 1e-10
+"""Share of its radius by which a sphere through few points may miss another of them."""
+_OUTSIDE = 1e-9
+"""Share of its radius that counts as outside; more than `_HELD`, or points would go in and out for ever."""
 _MOST_ROUNDS = 1000
 
 
@@ -78,7 +81,7 @@ def _smallest_of_few(points: Float[np.ndarray, "m 3"], members: list[int]) -> tu
             if sphere is None or (best is not None and sphere.radius >= best[0]):
                 continue
             reach = np.linalg.norm(points[members] - sphere.centre, axis=1).max()
-            if reach <= sphere.radius * (1 + 1e-9):
+            if reach <= sphere.radius * (1 + _HELD):
                 best = (sphere.radius, sphere, list(chosen))
     if best is None:  # all in one place
         return Sphere(points[members[0]], 0.0), members[:1]
@@ -103,7 +106,7 @@ def inscribed_sphere(
     edge: float,
     origin: Float[np.ndarray, " 3"],
 ) -> Sphere:
-    """Return the largest sphere within a closed surface, its radius to about 1e-4.
+    """Return the largest sphere within a closed surface, its radius to about 1e-5.
 
     Parameters
     ----------
@@ -118,77 +121,113 @@ def inscribed_sphere(
 
     Notes
     -----
-    From the deepest few peaks of the distance field: the distances to the nearest triangles are
-    linear for small moves of the centre, so the best move within a trust region is a linear programme, whose
-    solution stands as far as the distance to the triangles themselves grows.
+    From the deepest peaks of the distance field. The distance to a triangle is a convex function of the
+    centre, so its linearisation never exceeds it: where the least of the linearised distances to *all*
+    triangles is greatest, the sphere is at least as large as the linear programme says, and the way there
+    stays within the body. Such moves are repeated until nothing is gained.
     """
     triangles = np.ascontiguousarray(vertices[faces], dtype=np.float64)
-    middles = triangles.mean(axis=1)
-    sizes = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
+    starts = _deepest(inside) * edge + origin
+    radii = np.array([_closest(triangles, start)[0].min() for start in starts])
     best: Sphere | None = None
-    for start in _deepest(inside) * edge + origin:
-        sphere = Sphere(start, float(_closest(triangles, start)[0].min()))
-        if best is not None and sphere.radius + 2.0 * edge < best.radius:
+    for place in np.argsort(-radii, kind="stable"):
+        # A point is at most about a cell from the peak that it stands for.
+        if best is not None and radii[place] + 2.0 * edge < best.radius:
             continue
-        for _ in range(_ROUNDS):
-            # Triangles that a sphere could touch after a move of two cells; ridges may be followed further.
-            near = np.linalg.norm(middles - sphere.centre, axis=1) - sizes <= sphere.radius + 4.0 * edge
-            climbed = _climb(triangles[near], sphere.centre, 2.0 * edge)
-            gain, sphere = climbed.radius - sphere.radius, climbed
-            if gain <= _EXACT * sphere.radius:
-                break
-        if best is None or sphere.radius > best.radius:
-            best = sphere
+        climbed = _climb(triangles, starts[place])
+        if best is None or climbed.radius > best.radius:
+            best = climbed
     assert best is not None
     return best
 
 
-def _climb(triangles: Float[np.ndarray, "f 3 3"], centre: Float[np.ndarray, " 3"], limit: float) -> Sphere:
-    """Move the centre, by at most about `limit` in all, to where the nearest triangle is farthest."""
+def _climb(triangles: Float[np.ndarray, "f 3 3"], centre: Float[np.ndarray, " 3"]) -> Sphere:
+    """Move the centre to where the nearest triangle is farthest, uphill only."""
     distances, closest = _closest(triangles, centre)
-    radius, trust, start = float(distances.min()), 0.5 * limit, centre
+    radius = float(distances.min())
+    reach = 0.5 * radius
     for _ in range(_ROUNDS):
-        taking_part = distances <= radius + 2.0 * trust
-        away = (centre - closest[taking_part]) / np.maximum(distances[taking_part], 1e-300)[:, None]
-        moved = centre + _best_move(away, distances[taking_part], trust)
+        away = (centre - closest) / np.maximum(distances, 1e-300)[:, None]
+        move = _best_move(away, distances, reach)
+        moved = centre + move
         trial_distances, trial_closest = _closest(triangles, moved)
         gain = float(trial_distances.min()) - radius
-        if gain > 0 and np.linalg.norm(moved - start) <= limit:
-            centre, distances, closest = moved, trial_distances, trial_closest
-            radius += gain
-        else:
-            trust *= 0.3
-        if trust < _EXACT * radius or (0 < gain < 0.01 * _EXACT * radius):
+        if gain <= 0:
+            break
+        centre, distances, closest, radius = moved, trial_distances, trial_closest, radius + gain
+        if gain <= _EXACT * radius and float(np.abs(move).max()) < reach:
             break
     return Sphere(centre, radius)
 
 
-def _best_move(
-    away: Float[np.ndarray, "t 3"], distances: Float[np.ndarray, " t"], trust: float
-) -> Float[np.ndarray, " 3"]:
-    """Return the move within a cube that makes the least of the linearised distances greatest."""
-    from scipy.optimize import linprog
+@compiled()
+def _best_move(away: np.ndarray, distances: np.ndarray, reach: float) -> np.ndarray:
+    """Return the move within a cube that makes the least of the linearised distances greatest.
 
-    # The closest ones decide; the rest of a smooth body's triangles only take time.
-    order = np.argsort(distances, kind="stable")[:_CONSTRAINTS]
-    rows = np.column_stack([-away[order], np.ones(len(order))])
-    # In lengths of the cube: the solver takes what is smaller than 1e-7 for nothing.
-    found = linprog(
-        [0, 0, 0, -1], A_ub=rows, b_ub=distances[order] / trust, bounds=[(-1, 1)] * 3 + [(None, None)]
-    )
-    return trust * found.x[:3] if found.status == 0 else np.zeros(3)
+    The dual simplex method: of the linear programme max r, r - away[i] . m <= distances[i], |m[j]| <= reach,
+    four constraints hold a solution; the one most exceeded takes the place of one of them, until none is.
+    """
+    rows = np.empty((4, 4))  # what holds the solution, as row . (m, r) <= bound
+    bounds = np.empty(4)
+    first = int(np.argmin(distances))
+    rows[0, :3], rows[0, 3], bounds[0] = -away[first], 1.0, distances[first]
+    for j in range(3):
+        rows[j + 1] = 0.0
+        rows[j + 1, j] = 1.0 if away[first, j] >= 0.0 else -1.0
+        bounds[j + 1] = reach
+    goal = np.array([0.0, 0.0, 0.0, 1.0])
+    best: np.ndarray = np.zeros(3)
+    for _ in range(_PIVOTS):
+        solution = np.linalg.solve(rows, bounds)
+        move, radius = solution[:3], solution[3]
+        worst, entering = 1e-12 * radius, -1
+        for i in range(len(distances)):
+            excess = (
+                radius - away[i, 0] * move[0] - away[i, 1] * move[1] - away[i, 2] * move[2] - distances[i]
+            )
+            if excess > worst:
+                worst, entering = excess, i
+        side = 0
+        for j in range(3):
+            if abs(move[j]) - reach > worst:
+                worst, entering, side = abs(move[j]) - reach, j, 1 if move[j] > 0 else -1
+        best = move
+        if entering < 0:
+            break
+        row = np.zeros(4)
+        if side == 0:
+            row[:3], row[3], bound = -away[entering], 1.0, distances[entering]
+        else:
+            row[entering], bound = float(side), reach
+        weights = np.linalg.solve(rows.T, goal)  # of the constraints in the goal, none negative
+        shares = np.linalg.solve(rows.T, row)
+        leaving, least = -1, np.inf
+        for j in range(4):
+            if shares[j] > 1e-12 and max(weights[j], 0.0) / shares[j] < least:
+                leaving, least = j, max(weights[j], 0.0) / shares[j]
+        if leaving < 0:
+            break
+        rows[leaving], bounds[leaving] = row, bound
+    within: np.ndarray = np.clip(best, -reach, reach)
+    return within
 
 
 def _deepest(inside: Bool[np.ndarray, "Z Y X"]) -> Float[np.ndarray, "s 3"]:
-    """Return the indices (x, y, z) of the few deepest points, apart from each other."""
+    """Return the indices (x, y, z) of deep points, apart from each other.
+
+    Depth on a grid is off by up to about a cell, in a plate a good part of the depth itself: what is deep
+    but for two cells is tried.
+    """
     import edt
 
     depth = edt.edt(np.pad(inside, 1), parallel=1)[1:-1, 1:-1, 1:-1]
-    peaks = np.argwhere((depth == ndimage.maximum_filter(depth, 3)) & (depth > 0.9 * depth.max()))
+    deepest = depth.max()
+    least = max(min(0.9 * deepest, deepest - 2.0), 0.5 * deepest)
+    peaks = np.argwhere((depth == ndimage.maximum_filter(depth, 3)) & (depth >= least))
     peaks = peaks[np.argsort(-depth[tuple(peaks.T)], kind="stable")]
     kept: list[np.ndarray] = []
     for peak in peaks:
-        if all(np.linalg.norm(peak - other) > 0.25 * depth.max() for other in kept):
+        if all(np.linalg.norm(peak - other) > 0.25 * deepest for other in kept):
             kept.append(peak)
         if len(kept) == _STARTS:
             break

@@ -143,6 +143,8 @@ class _Copies:
     def interval(self, factor: Factor, value: float, voxel: float) -> tuple[float, float]:
         """Return the interval of one factor (see `factor_intervals`); `voxel` is an edge over D_n."""
         name = factor.name
+        if not np.isfinite([copy[name] for copy in (*self.shifted, *self.thresholds, self.blurred)]).all():
+            return float("nan"), float("nan")  # it cannot be told of grains like this one
         shifted = np.array([copy[name] for copy in self.shifted])
         by_inertia = self._axes == "inertia" and factor.axes == "chosen"
         candidates = [value, 2.0 * value - self.blurred[name], *(copy[name] for copy in self.thresholds)]
