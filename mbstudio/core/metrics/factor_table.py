@@ -59,9 +59,10 @@ class Factor:
         Whether a ratio is better known by its symbol than by its title; sizes always are.
     voxels_only : tuple of {'crofton', 'smoothed'}
         With which area of a voxel grain it is found without the smoothed surface.
-    left_open : float or mapping of str to float
+    left_open : float, mapping of str to float, or None
         What copies of one mask cannot show, in voxel edges over D_n: of the value (sizes) or as such
-        (ratios); by convention where it depends on the chosen axes (docs/shape-factors.md, Intervals).
+        (ratios); by convention where it depends on the chosen axes (docs/shape-factors.md, Intervals). None
+        for a factor whose intervals were not tried on known bodies: it has none.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Factor:
     highest: float = float("inf")
     by_symbol: bool = False
     voxels_only: tuple[str, ...] = ()
-    left_open: float | Mapping[str, float] = 1.0
+    left_open: float | Mapping[str, float] | None = 1.0
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -367,7 +368,7 @@ FACTORS = FactorTable(
     Factor(
         name="roundness", title=mark("Roundness"), measured="detail",
         meaning=mark("Mean radius of curvature of the corners over that of the largest sphere in the body"),
-        highest=1.0, left_open=0.1,
+        highest=1.0, left_open=None,
     ),
     Factor(
         name="roughness", title=mark("Roughness"), measured="detail",

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from scipy import ndimage, sparse
 from scipy.spatial.transform import Rotation
 
-from mbstudio.core.grains.voxelisation import voxelise
+from mbstudio.core.grains.voxelisation import shares_inside
 
 _SIGMA = 2.0
 """Standard deviation of the narrower smoothing, in cells."""
@@ -36,15 +36,12 @@ _MORE = 0.012
 _MORE_VOXELS = 0.05
 """Share by which a corner's curvature exceeds that of the inscribed sphere: the side of a cylinder, whose
 curvature is just that, is no corner, whatever its noise."""
-_IF_LARGE = 9.0
-"""It may be the inscribed radius over this where the grid would become large."""
 _ABOUT, _FAR_AROUND = 0.2, 0.6
 _ASLANT = (0.08, 0.09, 0.07)
 _WIDEST = 0.2
 """Most that it may be in inscribed radii: wider ones tell nothing of an edge."""
 _MOST_CELLS = 10_000_000
-_LARGE = 1_000_000
-_FINER, _FINER_IF_LARGE = 4, 3
+_RAYS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +135,7 @@ def roundness(
     sigma = max(inscribed_radius / of_inscribed, _VOXELS * voxel_edge)
     if sigma > _WIDEST * inscribed_radius:
         return float("nan")
-    share, edge = _share_of_cells(vertices, faces, sigma / _SIGMA, inscribed_radius / _IF_LARGE / _SIGMA)
+    share, edge = _share_of_cells(vertices, faces, sigma / _SIGMA)
     radius = inscribed_radius / edge
     if _WIDEST * radius < _SIGMA:
         return float("nan")
@@ -157,7 +154,7 @@ def roundness(
 
 
 def _share_of_cells(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], edge: float, edge_if_large: float
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], edge: float
 ) -> tuple[Float[np.ndarray, "Z Y X"], float]:
     """Return the share of each cell that lies in the body, and the edge of a cell, longer for a wide body."""
     vertices = _along_its_axes(vertices, faces)
@@ -168,18 +165,12 @@ def _share_of_cells(
         counts: np.ndarray = np.ceil((high - low) / edge).astype(int) + 1 + 2 * margin
         return counts
 
-    def is_above(most: int) -> bool:
-        return bool(np.prod(cells(edge), dtype=float) > most)
-
-    while is_above(_MOST_CELLS) or (edge < edge_if_large and is_above(_LARGE)):
+    while np.prod(cells(edge), dtype=float) > _MOST_CELLS:
         edge *= 1.02
     counts = cells(edge)
-    k = _FINER_IF_LARGE if is_above(_LARGE) else _FINER
-    fine = edge / k
-    origin = (low + high) / 2 - edge * (counts - 1) / 2 - fine * (k - 1) / 2
+    origin = (low + high) / 2 - edge * (counts - 1) / 2
     nz, ny, nx = (int(n) for n in counts[::-1])
-    blocks = voxelise(vertices, faces, origin, fine, (nz * k, ny * k, nx * k)).reshape(nz, k, ny, k, nx, k)
-    return blocks.sum(axis=(1, 3, 5), dtype=np.float32) / np.float32(k**3), edge
+    return shares_inside(vertices, faces, origin, edge, (nz, ny, nx), _RAYS), edge
 
 
 def _along_its_axes(

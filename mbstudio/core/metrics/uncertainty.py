@@ -44,7 +44,8 @@ class FactorIntervals:
     detailed : DetailedFactors or None
         As `measure_detail` gives them, if asked for.
     intervals : mapping of str to (float, float)
-        Lower and upper end of each factor, in the same units; the value lies between them.
+        Lower and upper end of each factor whose intervals were tried on known bodies, in the same units; the
+        value lies between them.
     source : str
         'mask' or 'grey': what the copies were made from.
     """
@@ -121,6 +122,7 @@ def factor_intervals(
     intervals = {
         name: copies.interval(FACTORS[name], value, voxel)
         for name, value in _collect_factors(found, extra).items()
+        if FACTORS[name].left_open is not None
     }
     return FactorIntervals(found, extra, MappingProxyType(intervals), "mask" if grey is None else "grey")
 
@@ -143,8 +145,6 @@ class _Copies:
     def interval(self, factor: Factor, value: float, voxel: float) -> tuple[float, float]:
         """Return the interval of one factor (see `factor_intervals`); `voxel` is an edge over D_n."""
         name = factor.name
-        if not np.isfinite([copy[name] for copy in (*self.shifted, *self.thresholds, self.blurred)]).all():
-            return float("nan"), float("nan")  # it cannot be told of grains like this one
         shifted = np.array([copy[name] for copy in self.shifted])
         by_inertia = self._axes == "inertia" and factor.axes == "chosen"
         candidates = [value, 2.0 * value - self.blurred[name], *(copy[name] for copy in self.thresholds)]
@@ -160,6 +160,7 @@ class _Copies:
 def _left_open(factor: Factor, axes: AxisConvention) -> float:
     if isinstance(factor.left_open, Mapping):
         return factor.left_open.get(axes, _INERTIA)
+    assert factor.left_open is not None
     return factor.left_open
 
 
