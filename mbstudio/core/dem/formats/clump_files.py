@@ -15,6 +15,7 @@ from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.dem.shapes.clump_goal import ClumpGoal, clump_for_target
+from mbstudio.core.dem.shapes.many_clumps import fit_ahead
 from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
 from mbstudio.core.formulas import nominal_diameter
@@ -42,12 +43,18 @@ def fitted_clumps(job: Job) -> list[Clump]:
     """
     target = str(job.options[CLUMP_GOAL]).strip()
     wanted = ClumpGoal.parse(target) if target else None
+    spheres = int(job.options["spheres"])
+    fit_ahead(
+        [body.avatar for body in job.bodies],
+        spheres if wanted is None else wanted,
+        lambda share, done: job.progress(0.95 * share, f"Fitting spheres: {done} of {len(job.bodies)}"),
+    )
     clumps = []
     for index, body in enumerate(job.bodies):
         before = index / len(job.bodies)
         job.progress(before, f"Fitting spheres to {body.name}")
         if wanted is None:
-            clumps.append(sphere_clump(body.avatar, int(job.options["spheres"])))
+            clumps.append(sphere_clump(body.avatar, spheres))
             continue
         tell = partial(_pass_progress, job, before, body.name)
         found = clump_for_target(body.avatar, wanted, progress=tell, fit=sphere_clump)

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.dem.shapes.clump_finish import figures, finished
+from mbstudio.core.dem.shapes.clump_memory import MEMORY, normal_form
 from mbstudio.core.dem.shapes.clump_task import (
     SPHERE_POINTS,
     ClumpTask,
@@ -86,6 +87,8 @@ class Clump:
 def sphere_clump(avatar: Avatar, spheres: int = 40, *, seed: int = 0) -> Clump:
     """Fit a clump of overlapping spheres to an avatar.
 
+    What was fitted before to the same avatar, in whatever unit, is not fitted again.
+
     Parameters
     ----------
     avatar : Avatar
@@ -103,21 +106,43 @@ def sphere_clump(avatar: Avatar, spheres: int = 40, *, seed: int = 0) -> Clump:
     """
     if spheres < 2:
         raise ExportError(f"A clump needs at least 2 spheres, not {spheres}.")
+    normal = normal_form(avatar)
+    kept = MEMORY.find(normal.digest, spheres, seed)
+    if kept is None:
+        kept = _fitted(normal.avatar, spheres, seed)
+        MEMORY.keep(normal.digest, spheres, seed, *kept)
+    rows, (iou, volume_ratio, inertia_error, mean_distance, hausdorff) = kept
+    return Clump(
+        rows[:, :3] * normal.size,
+        rows[:, 3] * normal.size,
+        avatar.unit,
+        iou=iou,
+        volume_ratio=volume_ratio,
+        inertia_error=inertia_error,
+        mean_distance=mean_distance * normal.size,
+        hausdorff=hausdorff * normal.size,
+    )
+
+
+def _fitted(avatar: Avatar, spheres: int, seed: int) -> tuple[Float[np.ndarray, "n 4"], tuple[float, ...]]:
+    """Return rows x, y, z, r of a clump and its figures, in the order of :class:`Clump`."""
     task = ClumpTask.from_avatar(avatar, np.random.default_rng(seed))
     centers, radii = _greedy_start(task, spheres)
     centers, radii = _meet_surfaces(task, centers, radii)
     centers, radii = finished(task, centers, radii)
     found = figures(task, centers, radii)
-    return Clump(
-        centers * task.scale + task.origin,
-        radii * task.scale,
-        avatar.unit,
-        iou=found.iou,
-        volume_ratio=found.volume_ratio,
-        inertia_error=found.inertia_error,
-        mean_distance=found.mean_distance * task.scale,
-        hausdorff=found.hausdorff * task.scale,
+    return np.column_stack([centers * task.scale + task.origin, radii * task.scale]), (
+        found.iou,
+        found.volume_ratio,
+        found.inertia_error,
+        found.mean_distance * task.scale,
+        found.hausdorff * task.scale,
     )
+
+
+def is_remembered(avatar: Avatar, spheres: int, seed: int = 0) -> bool:
+    """Whether :func:`sphere_clump` would not have to fit."""
+    return MEMORY.find(normal_form(avatar).digest, spheres, seed) is not None
 
 
 def _greedy_start(task: ClumpTask, spheres: int) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:

@@ -149,9 +149,11 @@ def _moments(
     some = filled > 0
     weights, places = filled[some], task.grid[some]
     volume = float(weights.sum())
-    center = weights @ places / volume
+    # Not by BLAS, whose sums depend on the number of its threads.
+    center = np.einsum("g,gi->i", weights, places) / volume
     offsets = places - center
-    return volume * task.spacing**3, center, (offsets * weights[:, None]).T @ offsets / volume
+    second = np.einsum("gi,gj->ij", offsets * weights[:, None], offsets) / volume
+    return volume * task.spacing**3, center, second
 
 
 def _tensor_error(moments: Float[np.ndarray, "3 3"], wanted: Float[np.ndarray, "3 3"]) -> float:
