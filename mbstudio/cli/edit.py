@@ -93,6 +93,15 @@ SuspiciousOption = Annotated[
         help="List the N grains that are most likely several, or parts of one; nothing is changed.",
     ),
 ]
+VoxelSizeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--correct-voxel-size",
+        metavar="SIZE",
+        help="Correct the voxel size after the edits, as '14 um' or '20 x 14 x 14 um' (z, y, x); all "
+        "lengths follow.",
+    ),
+]
 AxisOption = Annotated[str, typer.Option(help="The axis along which slices are looked at: z, y or x.")]
 OutputOption = Annotated[
     Path | None,
@@ -124,6 +133,7 @@ def edit(
     new_grain: NewGrainOption = None,
     replay: ReplayOption = None,
     suspicious: SuspiciousOption = None,
+    correct_voxel_size: VoxelSizeOption = None,
     axis: AxisOption = "z",
     output: OutputOption = None,
     write_labels: WriteLabelsOption = None,
@@ -155,11 +165,13 @@ def edit(
         if suspicious is not None:
             _list_suspicious(project, suspicious, as_json)
             return
-        if not steps:
+        if not steps and correct_voxel_size is None:
             _list_edits(project, as_json)
             return
         project.hold("mbstudio edit", target)
-        outcome = _make(project, steps)
+        outcome = _make(project, steps) if steps else {"edits": [], "left_out": []}
+        if correct_voxel_size is not None:
+            outcome |= _correct_voxel_size(project, correct_voxel_size)
         if write_labels is not None and project.grains is not None:
             grid = project.scan.grid if project.scan is not None else None
             write_label_image(write_labels, project.grains, grid)
@@ -170,6 +182,23 @@ def edit(
         return
     _tell(outcome)
     console.print_facts(f"Edited {source.name}", outcome)
+
+
+def _correct_voxel_size(project: Project, size: str) -> dict[str, Any]:
+    """Correct the voxel size and return what came of it."""
+    correction = project.correct_voxel_size(size)
+    for note in correction.notes:
+        console.tell(f"mbstudio: {note}")
+    found: dict[str, Any] = {
+        "voxel_size_before": str(correction.before),
+        "voxel_size": str(correction.after),
+        "factor": correction.factor,
+    }
+    if correction.median_diameters is not None:
+        before, after = correction.median_diameters
+        found["median_diameter_before"] = f"{before:.6g} {correction.before.unit}"
+        found["median_diameter"] = f"{after:.6g} {correction.after.unit}"
+    return found
 
 
 def _tell(outcome: dict[str, Any]) -> None:

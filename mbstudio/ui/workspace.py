@@ -19,8 +19,10 @@ from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
 from mbstudio.core.project.merging import Merge
 from mbstudio.core.project.state import ScanIdentity
+from mbstudio.core.project.voxel_size import VoxelSizeCorrection
 from mbstudio.core.scan import Scan
 from mbstudio.core.scan.voxel_blocks import in_memory_bytes
+from mbstudio.core.units import VoxelSize
 from mbstudio.ui.kept_settings import files_that_exist
 from mbstudio.ui.language import tr
 
@@ -185,6 +187,31 @@ class Workspace(QObject):
         outcome = self.project.edit_grains(edit, title, self.scan)
         self._announce()
         return outcome
+
+    def take_edit(self, outcome: EditOutcome[GrainSet], begun: GrainSet, title: str) -> None:
+        """Take an edit of grains that was made in a thread, as one step of undo.
+
+        Raises
+        ------
+        ProjectError
+            If the grains are others by now.
+        """
+        self._coalescing = None
+        self.project.take_edit(outcome, begun, title)
+        self._announce()
+
+    def correct_voxel_size(self, size: VoxelSize) -> VoxelSizeCorrection:
+        """Correct the voxel size, as one step of undo: all lengths follow.
+
+        Raises
+        ------
+        ProjectError
+            If there is nothing whose voxel size could be corrected, or it is this already.
+        """
+        self._coalescing = None
+        correction = self.project.correct_voxel_size(size)
+        self._announce()
+        return correction
 
     def use_style(self, learner: StyleLearner | None, title: str = "") -> None:
         """Work with another style-learner, as one step of undo; clones of the one before go."""

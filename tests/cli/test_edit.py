@@ -168,3 +168,14 @@ def test_changed_grains_are_fitted_again_on_demand(path):
     assert choose_labels(project, None, None, False) == []
     project.edit_grains(Grow(labels=(3,)))
     assert choose_labels(project, None, None, False) == [3]
+
+
+def test_the_voxel_size_is_corrected(mbstudio, path):
+    result = edited(mbstudio, path, "--correct-voxel-size", "4 um")
+    assert (result["voxel_size_before"], result["voxel_size"], result["factor"]) == ("2 µm", "4 µm", 2.0)
+    with Project.open(path) as project:
+        assert project.grains.voxel_size.zyx == (4.0, 4.0, 4.0)
+        assert project.state.scan.voxel_size.zyx == (4.0, 4.0, 4.0)
+    ran = mbstudio("edit", path, "--correct-voxel-size", "4 um")
+    assert ran.code == 1
+    assert "is 4 µm already" in ran.err

@@ -26,8 +26,10 @@ from mbstudio.core.project.project_journals import Entered, ProjectJournals
 from mbstudio.core.project.scan_reference import refer_to, reopen
 from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
+from mbstudio.core.project.voxel_size import VoxelSizeCorrection, correct_voxel_size
 from mbstudio.core.scan import Scan
 from mbstudio.core.scan.field_of_view import find_field_of_view
+from mbstudio.core.units import VoxelSize
 
 
 class Project:
@@ -378,12 +380,56 @@ class Project:
         ScanError
             If it looks at grey values and the scan cannot be opened.
         """
-        grains = self._grains_to_edit(scan)
+        grains = self.grains_to_edit(scan)
         if edit.needs_scan and scan is None:
             scan = self.scan
         outcome = grains.edit(edit, scan if edit.needs_scan else None)
         self._push(self.state.with_edit(outcome), title or edit.described())
         return outcome
+
+    def take_edit(self, outcome: EditOutcome[GrainSet], begun: GrainSet, title: str = "") -> None:
+        """Take an edit that was made elsewhere, such as in a thread, as one change.
+
+        Parameters
+        ----------
+        outcome : EditOutcome
+        begun : GrainSet
+            What it was made of: what :meth:`grains_to_edit` gave.
+        title : str, optional
+
+        Raises
+        ------
+        ProjectError
+            If the project's grains are others by now.
+        """
+        grains = self.state.grains
+        if grains is None or grains.label_volume is not begun.label_volume or grains.edits != begun.edits:
+            raise ProjectError("The grains have changed meanwhile: make the correction again.")
+        self._push(self.state.with_edit(outcome), title or outcome.edit.described())
+
+    def correct_voxel_size(self, size: VoxelSize | str) -> VoxelSizeCorrection:
+        """Correct the voxel size, as one change: all lengths of the project follow.
+
+        Parameters
+        ----------
+        size : VoxelSize or str
+            ``"14 um"``, ``"20 x 14 x 14 um"`` (z, y, x).
+
+        Returns
+        -------
+        VoxelSizeCorrection
+            What was done, with notes on what cannot follow.
+
+        Raises
+        ------
+        ProjectError
+            If there is nothing whose voxel size could be corrected, or it is this already.
+        UnitError
+            If the size is none.
+        """
+        correction = correct_voxel_size(self.state, VoxelSize.parse(size))
+        self._push(correction.state, correction.title)
+        return correction
 
     def replay_edits(self, edits: Sequence[Edit], title: str = "Replay edits") -> Replay[GrainSet]:
         """Make edits again that were made on other grains of the same scan, as one change.
@@ -394,7 +440,7 @@ class Project:
             As :meth:`edit_grains`.
         """
         scan = self.scan if any(edit.needs_scan for edit in edits) else None
-        replayed = replay(edits, self._grains_to_edit(), scan)
+        replayed = replay(edits, self.grains_to_edit(), scan)
         if replayed.made:
             state = self.state
             for outcome in replayed.made:
@@ -402,7 +448,21 @@ class Project:
             self._push(state, title)
         return replayed
 
-    def _grains_to_edit(self, scan: Scan | None = None) -> GrainSet:
+    def grains_to_edit(self, scan: Scan | None = None) -> GrainSet:
+        """Return the grains with the field of view, beyond which nothing may be painted.
+
+        Parameters
+        ----------
+        scan : Scan, optional
+            The project's scan, where it is open already.
+
+        Raises
+        ------
+        ProjectError
+            If there are no grains.
+        ScanError
+            If the field of view is to be found and the scan cannot be opened.
+        """
         grains = self.state.grains
         if grains is None:
             raise ProjectError(

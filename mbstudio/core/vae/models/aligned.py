@@ -161,6 +161,10 @@ class AlignedModel:
         order = np.argsort(-(square[: self.core] + square[self.core :]), kind="stable")
         return replace(self, numbers=_reordered(self.numbers, order))
 
+    def with_sizes(self, factor: float) -> AlignedModel:
+        """Return the model of parents that are so many times as large."""
+        return replace(self, scaler=self.scaler.with_sizes(factor))
+
     def tensors(self) -> Tensors:
         """Return all numbers."""
         left = self.left

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
@@ -79,6 +79,10 @@ class Scaler:
         log_sizes, counts = np.unique(np.log(parents.diameters).round(9), return_counts=True)
         ranks = (np.cumsum(counts) - 0.5 * counts) / counts.sum()
         return cls(parents.template, parents.unit, log_sizes, ndtri(ranks))
+
+    def with_sizes(self, factor: float) -> Scaler:
+        """Return the scaler of parents that are so many times as large."""
+        return replace(self, log_sizes=self.log_sizes + np.log(factor))
 
     def _slopes(self) -> tuple[float, float]:
         """Return d score / d ln D_n below the smallest and above the largest parent.

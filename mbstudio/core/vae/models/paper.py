@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -130,6 +130,11 @@ class PaperModel:
             rms=np.full(count, np.nan),
             valid=np.ones(count, dtype=bool),
         )
+
+    def with_sizes(self, factor: float) -> PaperModel:
+        """Return the model of parents that are so many times as large."""
+        numbers = {**self.numbers, "mean_diameter": self.numbers["mean_diameter"] * factor}
+        return replace(self, scaler=self.scaler.with_sizes(factor), numbers=numbers)
 
     def tensors(self) -> Tensors:
         """Return all numbers."""

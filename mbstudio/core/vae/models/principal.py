@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -156,6 +156,10 @@ class PrincipalModel:
         """Return the avatars of scores."""
         with one_thread():
             return hold_together(self.scaler.avatars(self.basis.vectors(latents), names))
+
+    def with_sizes(self, factor: float) -> PrincipalModel:
+        """Return the model of parents that are so many times as large."""
+        return replace(self, scaler=self.scaler.with_sizes(factor))
 
     def tensors(self) -> Tensors:
         """Return mean, components and parities."""

@@ -7,10 +7,13 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QFileDialog
 
+from mbstudio.core.errors import ProjectError
 from mbstudio.core.scan.readers import SUFFIXES, names_folder
+from mbstudio.core.units import VoxelSize
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.scan.dialog import ScanDialog
 from mbstudio.ui.stations.scan.panel import ScanPanel
+from mbstudio.ui.stations.scan.voxel_size_dialog import VoxelSizeDialog
 from mbstudio.ui.stations.scan.work import ScanWork
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.scene_view import SceneView
@@ -51,6 +54,32 @@ class ScanLink(QObject):
         slices = self._view.scene.layers.slices.planes
         if slices is not None:
             self._panel.show_window(*slices.window)
+
+    # ---- voxel size ------------------------------------------------------------------------------
+
+    def can_correct_voxel_size(self) -> bool:
+        """Whether there is something whose voxel size can be corrected, and nothing that runs with it."""
+        state = self._studio.workspace.state
+        of_meshes = state.grains is not None and state.grains.is_of_meshes
+        there = (state.scan is not None or state.grains is not None) and not of_meshes
+        return there and self._studio.queue.running() is None
+
+    def ask_voxel_size(self) -> None:
+        """Ask for the right voxel size, showing typical lengths before and after."""
+        dialog = VoxelSizeDialog(self._studio.workspace.state, self._studio.host)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.answered.connect(self.correct_voxel_size)
+        dialog.open()
+
+    def correct_voxel_size(self, size: VoxelSize) -> None:
+        """Correct the voxel size, and say what has not followed."""
+        try:
+            correction = self._studio.workspace.correct_voxel_size(size)
+        except ProjectError as error:
+            self._studio.say("error", str(error))
+            return
+        told = tr("The voxel size is {size} now, and all lengths with it.", size=str(size))
+        self._studio.say("warning" if correction.notes else "success", " ".join((told, *correction.notes)))
 
     # ---- files -----------------------------------------------------------------------------------
 
