@@ -18,6 +18,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, Signal
 
 from mbstudio.core.errors import Cancelled
+from mbstudio.core.time_left import TimeLeft
 from mbstudio.ui.deferred_calls import DeferredCalls
 
 log = logging.getLogger(__name__)
@@ -65,6 +66,7 @@ class Control:
         self._paused_for = 0.0
         self._last_report = 0.0
         self._farthest = -1.0
+        self._time_left = TimeLeft()
 
     @property
     def is_cancelled(self) -> bool:
@@ -95,7 +97,7 @@ class Control:
         self._taken.clear()
         self._last_report = time.monotonic()
         elapsed = self._last_report - self._begun - self._paused_for
-        left = elapsed * (1 - fraction) / fraction if fraction > 0.01 and elapsed > 0.5 else None
+        left = self._time_left.look(elapsed, float(fraction))
         self._post("report", Report(float(fraction), message, left, steps, view))
 
     def run_waiting_calls(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -170,10 +171,14 @@ class GrainSet(EditableGrains):
     @property
     def interior_labels(self) -> list[int]:
         """Labels of the grains that do not touch the border and are not excluded."""
+        return list(self._interior_labels)
+
+    @cached_property
+    def _interior_labels(self) -> tuple[int, ...]:
         wanted = ~self.table["touches_border"].to_numpy()
         if "excluded" in self.table:
             wanted &= ~self.table["excluded"].to_numpy()
-        return [int(label) for label in self.table.loc[wanted, "label"]]
+        return tuple(self.table["label"].to_numpy()[wanted].tolist())
 
     @property
     def excluded_labels(self) -> frozenset[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -12,6 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkImageSlice, vtkImageSliceMapper
 
 from mbstudio.core.grains.editing.label_volume import LabelVolume
 from mbstudio.core.translation import mark
+from mbstudio.scene.label_overlay import LabelLook, members, rim_of
 from mbstudio.scene.layers.layer import Hit, Layer, Stage
 from mbstudio.scene.layers.picking import sight
 from mbstudio.scene.theme import SceneTheme, label_colours
@@ -60,8 +62,9 @@ def slice_image(
     window: tuple[float, float],
     labels: Int[np.ndarray, "h w"] | None = None,
     colours: UInt8[np.ndarray, "k 3"] | None = None,
+    look: LabelLook = LabelLook(),  # noqa: B008  # frozen
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Return a slice as red, green and blue: grey values in the window, grains outlined.
+    """Return a slice as red, green and blue: grey values in the window, grains outlined or filled.
 
     Parameters
     ----------
@@ -71,23 +74,32 @@ def slice_image(
         Grain labels of the same slice; the outline of each lies inside it.
     colours : uint8 array, shape (k, 3), optional
         Colour of each label; by default :func:`label_colours`.
+    look : LabelLook
+        Whether grains are filled, outlined, or left out.
     """
+    image = np.repeat(grey_picture(grey, window)[..., None], 3, axis=2)
+    if labels is None or look.draws_nothing or not labels.any():
+        return image
+    if look.only is not None:
+        labels = np.where(members(labels, look.only), labels, 0)
+    if colours is None:
+        colours = label_colours(int(labels.max()))
+    if look.opacity > 0:
+        inside = labels > 0
+        share = np.float32(min(look.opacity, 1.0))
+        image[inside] = (1 - share) * image[inside] + share * colours[labels[inside]]
+    if look.outlines:
+        edge = rim_of(labels)
+        image[edge] = colours[labels[edge]]
+    return image
+
+
+def grey_picture(grey: Shaped[np.ndarray, "h w"], window: tuple[float, float]) -> UInt8[np.ndarray, "h w"]:
+    """Return grey values as they are shown: 0 for those at the lower end of the window, 255 at the upper."""
     low, high = window
     scale = 255.0 / max(high - low, 1e-30)
     shown = np.nan_to_num((np.asarray(grey, dtype=np.float32) - low) * scale, nan=0.0)
-    image = np.repeat(np.clip(shown, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-    if labels is not None and labels.any():
-        edge = np.zeros(labels.shape, dtype=bool)
-        across, along = labels[1:] != labels[:-1], labels[:, 1:] != labels[:, :-1]
-        edge[1:] |= across
-        edge[:-1] |= across
-        edge[:, 1:] |= along
-        edge[:, :-1] |= along
-        edge &= labels > 0
-        if colours is None:
-            colours = label_colours(int(labels.max()))
-        image[edge] = colours[labels[edge]]
-    return image
+    return np.clip(shown, 0, 255).astype(np.uint8)
 
 
 class SlicePlanes:
@@ -99,6 +111,21 @@ class SlicePlanes:
     scan : Scan
     axis_colours : tuple of str
         Colours of the frames across x, y and z.
+
+    Attributes
+    ----------
+    window : tuple of float
+        Grey values shown black and white.
+    index : dict of Axis to int
+        The voxel at which each axis is cut.
+    look : LabelLook
+        How grains are drawn over the grey values.
+    images : dict of Axis to uint8 array, shape (h, w, 3)
+        Each slice as it stands in space.
+    greys : dict of Axis to uint8 array, shape (h, w)
+        Each slice without grains.
+    labels : dict of Axis to int array, shape (h, w), or None
+        The labels of each slice.
     """
 
     def __init__(self, plotter: pv.BasePlotter, scan: Scan, axis_colours: tuple[str, str, str]) -> None:
@@ -113,7 +140,10 @@ class SlicePlanes:
         self._visible = True
         self._labels: LabelVolume | None = None
         self._colours: np.ndarray | None = None
+        self.look = LabelLook()
         self.images: dict[Axis, UInt8[np.ndarray, "h w 3"]] = {}
+        self.greys: dict[Axis, UInt8[np.ndarray, "h w"]] = {}
+        self.labels: dict[Axis, Int[np.ndarray, "h w"] | None] = {}
         self._planes: dict[Axis, vtkImageSlice] = {}
         self._frames: dict[Axis, pv.Actor] = {}
         for axis, colour in zip(AXES, axis_colours, strict=True):
@@ -154,6 +184,24 @@ class SlicePlanes:
         self._labels = labels
         self._colours = None if labels is None else label_colours(largest)
         self._draw_all()
+
+    def set_look(self, look: LabelLook) -> None:
+        """Fill, outline or leave out grains."""
+        # Slices in space are too coarse for lines of two widths.
+        differs = replace(look, bold=self.look.bold) != self.look
+        self.look = look
+        if differs and self._labels is not None:
+            self._draw_all()
+
+    @property
+    def colours(self) -> UInt8[np.ndarray, "k 3"] | None:
+        """The colour of each label; None without labels."""
+        return self._colours
+
+    @property
+    def auto_window(self) -> tuple[float, float]:
+        """Grey values between which the scan shows well."""
+        return grey_window(self._scan)
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide all three."""
@@ -238,8 +286,10 @@ class SlicePlanes:
     def _draw(self, axis: Axis) -> None:
         index = self.index[axis]
         labels = None if self._labels is None else cut(self._labels, axis, index)
-        image = slice_image(cut(self._scan.voxels, axis, index), self.window, labels, self._colours)
-        self.images[axis] = image
+        grey = cut(self._scan.voxels, axis, index)
+        image = slice_image(grey, self.window, labels, self._colours, self.look)
+        self.images[axis], self.labels[axis] = image, labels
+        self.greys[axis] = grey_picture(grey, self.window)
         number = AXES.index(axis)
         dimensions = [self.counts[name] for name in AXES]
         dimensions[number] = 1

@@ -37,6 +37,8 @@ class SurfaceLayer(Layer[Surface]):
     colour : str
         Which of the theme's colours it has.
     is_pickable : bool
+    content : Surface or None
+        What is shown.
     """
 
     colour: ClassVar[str]
@@ -44,6 +46,7 @@ class SurfaceLayer(Layer[Surface]):
 
     def __init__(self, name: str, stage: Stage) -> None:
         super().__init__(name, stage)
+        self.content: Surface | None = None
         self._actor: pv.Actor | None = None
         # Not asked of the mapper: before the first rendering it may answer with an empty mesh.
         self._mesh: pv.PolyData | None = None
@@ -54,6 +57,7 @@ class SurfaceLayer(Layer[Surface]):
 
     def set(self, content: Surface | None, unit: str | None = None) -> None:
         self.stage.set_unit(unit)
+        self.content = content
         if content is None or not len(content.triangles):
             self._remove()
         elif self._mesh is not None:

@@ -44,9 +44,11 @@ from mbstudio.ui.shell.view_bar import ViewBar
 from mbstudio.ui.stations.registry import Stations
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.view.building_note import BuildingNote
 from mbstudio.ui.view.comparison import Comparison
 from mbstudio.ui.view.pictures import Pictures
 from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.view.slice_commands import AUTO, BUTTONS, slice_commands
 from mbstudio.ui.view.slice_views import SliceViews
 from mbstudio.ui.view.tool_commands import tool_commands
 from mbstudio.ui.view.view_commands import view_commands
@@ -82,6 +84,7 @@ class MainWindow(QMainWindow):
         self.view = SceneView(self.studio)
         self.view_tools = ViewTools(self.studio, self.view)
         self.slice_views = SliceViews(self.studio, self.view)
+        self.building_note = BuildingNote(self.studio, self.view)
         self.comparison = Comparison(self.studio, self.view, self.view_tools)
         self.pictures = Pictures(self.studio)
         self.setWindowIcon(application_icon())
@@ -141,6 +144,7 @@ class MainWindow(QMainWindow):
         found = [
             *station_commands(self.stations),
             *view_commands(view),
+            *slice_commands(self.slice_views),
             *tool_commands(self.studio, view, self.view_tools, self.comparison, self.pictures),
             *(command for station in self.stations for command in station.commands()),
             *file_commands(self.studio, self.project_files, shell, view, self.pictures, self.close),
@@ -149,6 +153,9 @@ class MainWindow(QMainWindow):
             *help_commands(shell, self.command_palette.open, self.about),
         ]
         self.commands.add(in_menu_order(found, self.stations))
+        self.slice_views.panes.bar.add_buttons(
+            [self.commands.action(name) for name in BUTTONS], self.commands.action(AUTO)
+        )
 
     def _make_centre(self) -> None:
         self.welcome = Welcome()
@@ -157,7 +164,7 @@ class MainWindow(QMainWindow):
         # What the pages would like may not push the docks out of a small window.
         self._pages.setMinimumSize(200, 160)
         self._pages.addWidget(self.welcome)
-        self._pages.addWidget(self.viewport)
+        self._pages.addWidget(self.slice_views.grid)
         self.view_bar = ViewBar(self.commands, self.icons)
         centre = QWidget()
         centre.setObjectName("centre")

@@ -17,6 +17,7 @@ from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.display import Display
 from mbstudio.ui.view.live_avatar import LiveAvatar
+from mbstudio.ui.view.pane_trail import Brush
 from mbstudio.ui.view.slice_tool import SliceTool
 from mbstudio.ui.view.view_surfaces import ViewSurfaces
 
@@ -55,8 +56,12 @@ class SceneView(QObject):
         The part of the scan that is marked in slices and view, in voxels, half open.
     slice_tool : SliceTool or None
         What takes the left button in the flat slices; None to move the lines.
+    brush : Brush or None
+        What that draws with in the flat slices while the button is held.
     marks : tuple of (z, y, x)
         Voxels that the flat slices mark.
+    fitted : signal
+        All that is shown was brought into the picture.
     picking : bool
         Whether a click chooses what lies under it; a tool that takes clicks itself switches it off.
     """
@@ -68,6 +73,7 @@ class SceneView(QObject):
     arranged = Signal()
     part_changed = Signal()
     part_dragged = Signal(object)
+    fitted = Signal()
 
     def __init__(self, studio: Studio) -> None:
         super().__init__(studio)
@@ -80,6 +86,7 @@ class SceneView(QObject):
         self.picking = True
         self.part: dict[Axis, tuple[int, int]] | None = None
         self.slice_tool: SliceTool | None = None
+        self.brush: Brush | None = None
         self.marks: tuple[tuple[int, int, int], ...] = ()
         self._focus: object = None
         self._sliced: object = None
@@ -136,6 +143,7 @@ class SceneView(QObject):
     def fit_view(self) -> None:
         """Bring all that is shown into the picture."""
         self.scene.fit()
+        self.fitted.emit()
         self.draw()
 
     def look_from(self, view: View) -> None:
@@ -326,8 +334,11 @@ class SceneView(QObject):
     @property
     def room(self) -> QSize:
         """Size of the place where the view is, or will be once there is something in it."""
-        place = self.viewport.parentWidget() or self.viewport
-        return place.size()
+        if self.viewport.isVisible():
+            return self.viewport.size()
+        place = self.viewport.parentWidget()
+        pages = place.parentWidget() if place is not None else None
+        return (pages or place or self.viewport).size()
 
     @property
     def shows_tray(self) -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from jaxtyping import UInt8
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
+from jaxtyping import Float, Int, UInt8
+from PySide6.QtCore import QEvent, QLineF, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import (
     QColor,
     QEnterEvent,
@@ -18,8 +20,14 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QWidget
 
+from mbstudio.scene.label_overlay import HALO, LabelLook
 from mbstudio.ui.language import tr
 from mbstudio.ui.view.pane_box import Ends, PaneBox
+from mbstudio.ui.view.pane_labels import PaneLabels
+from mbstudio.ui.view.pane_trail import Brush, PaneTrail
+
+Outline = tuple[Float[np.ndarray, "m 2 2"], str]
+"""Lines (start and end as column and row of voxels) and their colour."""
 
 MARGIN = 6  # pixels around the picture
 LARGEST_ZOOM = 40.0
@@ -29,7 +37,7 @@ class SlicePane(QWidget):
     """Shows a slice as the camera's presets do: the first axis to the right, the second upwards.
 
     The wheel goes through the slices, with Ctrl it zooms; the left button moves the lines, the right one
-    changes the grey window, the middle one moves the picture; a double click shows all of it again.
+    changes the grey window, the middle one moves the picture; a double click makes it as large as the view.
 
     Parameters
     ----------
@@ -57,6 +65,12 @@ class SlicePane(QWidget):
         a tool takes it.
     stroke_ended : signal
         It was let go.
+    zoomed : signal ()
+        Another part of the picture is shown than before.
+    enlarged : signal ()
+        It is to be as large as the view, or as small as before.
+    freed : signal ()
+        Esc was pressed, and nobody else took it.
     is_taken : bool
         Whether a tool takes the left button.
     box : PaneBox
@@ -71,6 +85,9 @@ class SlicePane(QWidget):
     boxed = Signal(object)
     stroked = Signal(float, float, bool)
     stroke_ended = Signal()
+    zoomed = Signal()
+    enlarged = Signal()
+    freed = Signal()
 
     def __init__(self, title: str, across: str) -> None:
         super().__init__()
@@ -86,6 +103,9 @@ class SlicePane(QWidget):
         self.is_taken = False
         self._marks: list[tuple[float, float]] = []
         self.box = PaneBox(self.place_of)
+        self._grains = PaneLabels()
+        self._outlines: Sequence[Outline] = ()
+        self._trail = PaneTrail(self.place_of, lambda: self.scale)
         self.setMouseTracking(True)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMinimumSize(120, 90)
@@ -94,7 +114,7 @@ class SlicePane(QWidget):
             tr(
                 "<p>{plane}: the wheel or the arrow keys change the slice, the left button moves the lines, "
                 "the right one changes the grey window (across: its width, up: brighter), Ctrl and wheel "
-                "zoom.</p>",
+                "zoom, a double click enlarges.</p>",
                 plane=title,
             )
         )
@@ -104,7 +124,7 @@ class SlicePane(QWidget):
 
     def show_slice(
         self,
-        image: UInt8[np.ndarray, "h w 3"] | None,
+        image: UInt8[np.ndarray, "h w"] | None,
         spacing: tuple[float, float] = (1.0, 1.0),
         told: str = "",
     ) -> None:
@@ -112,8 +132,8 @@ class SlicePane(QWidget):
 
         Parameters
         ----------
-        image : uint8 array, shape (h, w, 3), or None
-            Its first row is drawn lowest.
+        image : uint8 array, shape (h, w), or None
+            Grey values; its first row is drawn lowest.
         spacing : tuple of float
             Edge of a pixel to the right and upwards, in one unit.
         told : str
@@ -123,19 +143,45 @@ class SlicePane(QWidget):
             self._image = None
         else:
             turned = np.ascontiguousarray(image[::-1])
-            height, width, _ = turned.shape
+            height, width = turned.shape
             if (height, width) != self._shape:
                 self._zoom, self._shift = 1.0, QPointF()
             self._shape, self._spacing = (height, width), spacing
             self._image = QImage(
-                turned.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888
+                turned.tobytes(), width, height, width, QImage.Format.Format_Grayscale8
             ).copy()
         self._told = told
         self.update()
 
+    def set_labels(
+        self,
+        labels: Int[np.ndarray, "h w"] | None,
+        colours: UInt8[np.ndarray, "k 3"] | None = None,
+        look: LabelLook = LabelLook(),  # noqa: B008  # frozen
+    ) -> None:
+        """Show grains over the slice: the label of each voxel, its colour, how they are drawn."""
+        self._grains.set(labels, colours, look)
+        self.update()
+
+    def set_outlines(self, outlines: Sequence[Outline]) -> None:
+        """Show lines over slice and grains."""
+        if outlines or self._outlines:
+            self._outlines = outlines
+            self.update()
+
+    def set_brush(self, brush: Brush | None) -> None:
+        """Show what a tool draws while it draws it."""
+        if brush != self._trail.brush:
+            self._trail.brush = brush
+            self.update()
+
     def set_cross(self, column: float, row: float) -> None:
-        """Let the lines cross at a voxel."""
-        self._cross = (float(column), float(row))
+        """Let the lines cross at a voxel; a magnified picture moves where that would not be seen."""
+        cross = (float(column), float(row))
+        if cross != self._cross:
+            self._cross = cross
+            if self._zoom > 1 and not QRectF(self.rect()).contains(self.place_of(*cross)):
+                self._shift += QRectF(self.rect()).center() - self.place_of(*cross)
         self.update()
 
     def set_box(self, ends: Ends | None, cuts_slice: bool = True) -> None:
@@ -165,6 +211,34 @@ class SlicePane(QWidget):
         result = QRectF(0.0, 0.0, width * scale, height * scale)
         result.moveCenter(room.center() + self._shift)
         return result
+
+    @property
+    def scale(self) -> float:
+        """Pixels of the widget in one unit of the slice."""
+        return self.picture_rect().width() / (self._shape[1] * self._spacing[0])
+
+    @property
+    def is_magnified(self) -> bool:
+        """Whether only a part of the slice is shown."""
+        return self._zoom > 1.0
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The voxel (column, row) in the middle of what is shown."""
+        return self._voxel_near(QRectF(self.rect()).center())
+
+    def zoom_to(self, scale: float, column: float, row: float) -> None:
+        """Show a unit of the slice with so many pixels, a voxel in the middle; all of it if it fits in."""
+        self._zoom = float(np.clip(self._zoom * scale / self.scale, 1.0, LARGEST_ZOOM))
+        self._shift = QPointF()
+        if self._zoom > 1.0:
+            self._shift = QRectF(self.rect()).center() - self.place_of(column, row)
+        self.update()
+
+    def show_all(self) -> None:
+        """Show the whole slice again."""
+        self._zoom, self._shift = 1.0, QPointF()
+        self.update()
 
     def voxel_at(self, place: QPointF) -> tuple[float, float] | None:
         """Return the voxel (column, row; the centre of the first is 0) under a place, or None outside."""
@@ -198,6 +272,8 @@ class SlicePane(QWidget):
             magnified = rect.width() > 2 * self._shape[1]
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, not magnified)
             painter.drawImage(rect, self._image)
+            self._grains.paint(painter, rect, self.rect(), self.devicePixelRatioF())
+            self._paint_outlines(painter)
             self.box.paint(painter, rect, ground)
             place = self.place_of(*self._cross)
             for colour, start, end in (
@@ -206,6 +282,7 @@ class SlicePane(QWidget):
             ):
                 painter.setPen(QPen(QColor(colour), 1))
                 painter.drawLine(start, end)
+            self._trail.paint(painter, rect)
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
             for mark in self._marks:
                 for colour, width in ((ground, 4), (own, 2)):
@@ -216,6 +293,19 @@ class SlicePane(QWidget):
             painter.drawRect(rect)
             self._write(painter)
         painter.end()
+
+    def _paint_outlines(self, painter: QPainter) -> None:
+        rect, (rows, columns) = self.picture_rect(), self._shape
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        for lines, colour in self._outlines:
+            places = np.empty_like(lines)
+            places[..., 0] = rect.left() + (lines[..., 0] + 0.5) / columns * rect.width()
+            places[..., 1] = rect.bottom() - (lines[..., 1] + 0.5) / rows * rect.height()
+            drawn = [QLineF(*line) for line in places.reshape(-1, 4).tolist()]
+            for pen, width in ((QColor(*HALO, 190), 4.0), (QColor(colour), 2.0)):
+                painter.setPen(QPen(pen, width, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+                painter.drawLines(drawn)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
 
     def _write(self, painter: QPainter) -> None:
         words = f"{self.title}   {self._told}" if self._told else self.title
@@ -244,6 +334,7 @@ class SlicePane(QWidget):
         if zoom == 1.0:
             self._shift = QPointF()
         self.update()
+        self.zoomed.emit()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         self._last = event.position()
@@ -270,8 +361,12 @@ class SlicePane(QWidget):
         elif event.buttons() & Qt.MouseButton.MiddleButton:
             self._shift += moved
             self.update()
+            self.zoomed.emit()
         if not self.box.is_held:
             self.setCursor(self.box.cursor_at(place) or Qt.CursorShape.CrossCursor)
+        if self._trail.follows_mouse:
+            self._trail.hover(place)
+            self.update()
         voxel = self.voxel_at(place)
         if voxel is None:
             self.left.emit()
@@ -282,16 +377,22 @@ class SlicePane(QWidget):
         self._last = None
         self.box.drop()
         if self.is_taken and event.button() == Qt.MouseButton.LeftButton:
+            self._trail.end()
+            self.update()
             self.stroke_ended.emit()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        self._zoom, self._shift = 1.0, QPointF()
-        self.update()
+        if self.is_taken:
+            self.mousePressEvent(event)  # two clicks of a tool, one soon after the other
+        elif event.button() == Qt.MouseButton.LeftButton:
+            self.enlarged.emit()
 
     def enterEvent(self, event: QEnterEvent) -> None:
         self.setCursor(Qt.CursorShape.CrossCursor)
 
     def leaveEvent(self, event: QEvent) -> None:
+        self._trail.hover(None)
+        self.update()
         self.left.emit()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
@@ -304,7 +405,11 @@ class SlicePane(QWidget):
             Qt.Key.Key_PageDown: -10,
         }
         step = steps.get(Qt.Key(event.key()))
-        if step is None:
+        if event.key() == Qt.Key.Key_Escape:
+            self.freed.emit()
+        elif event.key() in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
+            self._zoom_at(self.place_of(*self._cross), 0.8 if event.key() == Qt.Key.Key_Minus else 1.25)
+        elif step is None:
             super().keyPressEvent(event)
         else:
             self.stepped.emit(step)
@@ -312,6 +417,8 @@ class SlicePane(QWidget):
     def _stroke_at(self, place: QPointF, is_first: bool) -> None:
         voxel = self.voxel_at(place)
         if voxel is not None:
+            self._trail.begin(*voxel) if is_first else self._trail.go_on(*voxel)
+            self.update()
             self.stroked.emit(*voxel, is_first)
 
     def _cross_at(self, place: QPointF) -> None:

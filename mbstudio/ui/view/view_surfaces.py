@@ -75,14 +75,19 @@ class ViewSurfaces(QObject):
         self._most, self._most_of_one = TRIANGLES[kind]
         self._factors: dict[int, ShapeFactors] = {}
         self._shown_grain: int | None = None
+        self._shown_family: object = None
         self._deviating: tuple[object, object] | None = None
 
     def build_grains(self) -> None:
         """Build the overview of all grains."""
         grains = self._workspace.state.grains
         self._factors.clear()
-        self._scene.layers.grains.set(None)
-        self._scene.layers.grains.set_chosen(None)
+        # Corrected by hand, they are shown as they were until they are built anew: no blank view meanwhile.
+        family = None if grains is None else (grains.label_volume.family, grains.voxel_size)
+        if family is None or family != self._shown_family:
+            self._scene.layers.grains.set(None)
+            self._scene.layers.grains.set_chosen(None)
+        self._shown_family = family
         if grains is not None:
             self._build(
                 "grains",

@@ -33,3 +33,8 @@ def factor_tip(name: str) -> str:
     """Return what a factor means, with its formula."""
     factor = FACTORS[name]
     return f"{tr(factor.meaning)}: {factor.formula}" if factor.formula else tr(factor.meaning)
+
+
+def latent_count(core: int, dimension: int) -> str:
+    """Return how many latent variables a style has: those of its model, and those of the details."""
+    return f"{core}" if core == dimension else f"{core} + {dimension - core}"

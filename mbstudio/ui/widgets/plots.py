@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QColor, QFont
 
 from mbstudio.ui.language import tr
@@ -75,6 +75,25 @@ class Plot(pg.PlotWidget):
         self.showGrid(x=True, y=True, alpha=0.16 if self._theme.is_dark else 0.13)
 
 
+class _ChangeLine(pg.InfiniteLine):
+    """An upright line where another number of control points began."""
+
+    def __init__(self, generation: int, n: int) -> None:
+        super().__init__(
+            generation - 0.5,
+            angle=90,
+            movable=False,
+            label=tr("n = {n}", n=n),
+            labelOpts={"position": 0.92, "anchors": [(0, 0.5), (0, 0.5)]},
+        )
+        self.n = n
+
+    def repaint(self, theme: Theme) -> None:
+        """Take the theme's colours."""
+        self.setPen(pg.mkPen(theme.tokens.muted, style=Qt.PenStyle.DashLine))
+        self.label.setColor(QColor(theme.tokens.muted))
+
+
 class ConvergenceCurve(Plot):
     """Loss on a log axis against generations, growing while a fit runs."""
 
@@ -88,6 +107,7 @@ class ConvergenceCurve(Plot):
         self._line = self.plot([], [])
         self._head = pg.ScatterPlotItem(size=8)
         self.addItem(self._head)
+        self._changes: list[_ChangeLine] = []
         self._words = pg.TextItem(anchor=(0.5, 0.5))
         self.addItem(self._words, ignoreBounds=True)
         self.getViewBox().sigResized.connect(self._place_words)
@@ -107,11 +127,30 @@ class ConvergenceCurve(Plot):
         self._head.setPen(pg.mkPen(tokens.surface, width=1.5))
         self._head.setBrush(pg.mkBrush(tokens.accent))
         self._words.setColor(QColor(tokens.muted))
+        for line in self._changes:
+            line.repaint(self._theme)
 
     def set_losses(self, losses: Sequence[float]) -> None:
         """Show a whole history."""
         self._losses = [float(loss) for loss in losses]
         self._draw()
+
+    def mark_changes(self, changes: Sequence[tuple[int, int]]) -> None:
+        """Mark before which generations the number of control points became another, and which."""
+        known = [(round(line.value() + 0.5), line.n) for line in self._changes]
+        if known == list(changes):
+            return
+        for line in self._changes:
+            self.removeItem(line)
+        self._changes = [_ChangeLine(generation, n) for generation, n in changes]
+        for line in self._changes:
+            line.repaint(self._theme)
+            self.addItem(line, ignoreBounds=True)
+
+    @property
+    def marked_changes(self) -> list[tuple[float, str]]:
+        """Where lines stand, and what they say."""
+        return [(float(line.value()), line.label.format) for line in self._changes]
 
     def add_losses(self, losses: Sequence[float]) -> None:
         """Add the newest generations."""

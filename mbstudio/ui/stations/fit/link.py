@@ -58,6 +58,7 @@ class FitLink(QObject):
     def _add_losses(self, fitted: int, losses: list[float]) -> None:
         if fitted == self._space.selected:
             self._curve.add_losses(losses)
+            self._curve.mark_changes(self._work.changes_of(fitted))
 
     def _show_curve_of_fit(self) -> None:
         chosen = self._space.selected
@@ -65,6 +66,7 @@ class FitLink(QObject):
             return
         fit = self._space.state.fits.get(chosen) if chosen is not None else None
         self._curve.set_losses([] if fit is None else [float(loss) for loss in fit.history])
+        self._curve.mark_changes([] if fit is None else self._work.changes_of(chosen))
 
     def _show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:
         self._panel.show_factors(grain, avatar)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal
@@ -46,8 +46,15 @@ class _Fitting:
     run: FitRun | None = None
     stop: bool = False
     refusal: str = ""  # why the last change of n was not made; told from the main thread
+    made: int = 0  # generations of the search so far
+    changes: list[tuple[int, int]] = field(default_factory=list)  # before which generation n became what
     latest: FitResult | None = None  # what a crash would leave of it
     announced: FitResult | None = None
+
+    def note_change(self, n: int) -> None:
+        """Take note that the next generation has another number of control points."""
+        self.n = n
+        self.changes = [change for change in self.changes if change[0] != self.made] + [(self.made, n)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +109,14 @@ class FitWork(Work):
         """Label of the grain that is being fitted."""
         return self._fitting.label if self._fitting is not None and self.run.is_running else None
 
+    def changes_of(self, label: int | None) -> list[tuple[int, int]]:
+        """Return before which generations the number of control points was changed, and to what.
+
+        That of the fit that was begun last; nothing is known of others.
+        """
+        fitting = self._fitting
+        return list(fitting.changes) if fitting is not None and fitting.label == label else []
+
     def can_go_on(self, label: int | None) -> bool:
         """Return whether the fit of this grain ended and can take more generations."""
         fitting = self._fitting
@@ -153,7 +168,7 @@ class FitWork(Work):
         def steps(control: Control) -> Iterator[SearchStep | _Finished]:
             if n != fitting.n and not fitting.target:
                 run.change_control_points(n)
-                fitting.n = n
+                fitting.note_change(n)
             run.more_generations(generations)
             return _drive(fitting)
 
@@ -170,7 +185,8 @@ class FitWork(Work):
                 return
             try:
                 fitting.run.change_control_points(n)
-                fitting.n, fitting.target = n, ""
+                fitting.target = ""
+                fitting.note_change(n)
             except FitError as error:  # the fit that runs is not to be lost by it
                 fitting.refusal = tr("{error} The fit goes on with n = {n}.", error=error, n=fitting.n)
 
@@ -349,6 +365,10 @@ def _drive(fitting: _Fitting, sphere: float = 0.0) -> Iterator[SearchStep | _Fin
             last = time.monotonic()
         elif time.monotonic() - kept > KEPT_EVERY:
             fitting.latest, kept = fitting.run.result(), time.monotonic()
+        if step.phase == "search":
+            if fitting.target and step.generation == 0:
+                fitting.made, fitting.changes = 0, []
+            fitting.made += 1
         yield step
         begun = begun or step.phase == "search"
         if fitting.stop and begun:

@@ -43,6 +43,7 @@ class GrainPanel(Panel):
         default = SegmentationSettings()
         self._make_settings(default)
         self._make_result(theme)
+        self._tools: QWidget | None = None
         self.body.addStretch(1)
         self._make_foot()
         self.threshold_kind.currentIndexChanged.connect(self._threshold_kind_changed)
@@ -192,6 +193,12 @@ class GrainPanel(Panel):
         self.drop_border.setChecked(settings.drop_border)
         self._threshold_kind_changed()
 
+    def add_tools(self, tools: QWidget) -> None:
+        """Put the tools of the hand below what was found."""
+        self._tools = tools
+        self.body.insertWidget(self.body.indexOf(self._result) + 1, tools)
+        self.refresh()
+
     def set_threshold_range(self, low: float, high: float) -> None:
         """Let the threshold lie within the scan's grey values."""
         self.threshold.setRange(low, high)
@@ -209,6 +216,8 @@ class GrainPanel(Panel):
         for widget in (self._settings, self.find_button, self.load_button):
             widget.setHidden(of_meshes)
         self._hint.setHidden(of_meshes)
+        if self._tools is not None:
+            self._tools.setVisible(grains is not None and not of_meshes)
         self.tell_memory()
         if grains is None:
             return

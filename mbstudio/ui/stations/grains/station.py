@@ -12,6 +12,8 @@ from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.grains.editing.commands import edit_commands
 from mbstudio.ui.stations.grains.editing.grain_editing import GrainEditing
+from mbstudio.ui.stations.grains.editing.slice_editing import SliceEditing
+from mbstudio.ui.stations.grains.editing.tool_box import ToolBox
 from mbstudio.ui.stations.grains.link import GrainLink
 from mbstudio.ui.stations.grains.mesh_link import MeshLink
 from mbstudio.ui.stations.grains.mesh_work import MeshWork
@@ -51,7 +53,10 @@ class GrainStation(Station):
         )
         self.docks = (self.table_frame,)
         self.link = GrainLink(studio, view, self.work, self.panel, self.table)
-        self.editing = GrainEditing(studio, view)
+        self.editing = GrainEditing(studio)
+        self.tools = SliceEditing(studio, view, self.editing)
+        self.tool_box = ToolBox(self.tools)
+        self.panel.add_tools(self.tool_box)
         self.mesh_work = MeshWork(space, studio.queue, self)
         self.mesh_link = MeshLink(studio, self.mesh_work)
 
@@ -125,7 +130,7 @@ class GrainStation(Station):
                 tip=tr("Show all grains in their colours"),
                 enabled=lambda: space.selected is not None,
             ),
-            *edit_commands(space, self.editing, lambda: self.is_open),
+            *edit_commands(space, self.editing, self.tools, lambda: self.is_open),
             self.table_frame.command(
                 tr("Table of grains"),
                 tr("Show or hide the table of grains"),
@@ -141,6 +146,8 @@ class GrainStation(Station):
         self.studio.commands.bind(self.panel.meshes_button, "grains.open_meshes")
         self.studio.commands.bind(self.panel.find_button, "grains.find")
         self.studio.commands.bind(self.panel.load_button, "grains.load")
+        self.tool_box.bind(self.studio.commands)
+        self.tools.changed.connect(self._show_tool)
 
     def open(self, paths: Sequence[Path]) -> bool:
         if not any(means_meshes(path) for path in paths):
@@ -152,7 +159,11 @@ class GrainStation(Station):
         self.panel.tell_memory()
 
     def leave(self) -> None:
-        self.editing.stop()
+        self.tools.stop()
+
+    def _show_tool(self) -> None:
+        if self.tools.tool:
+            self.panel.scroll_to(self.tool_box)
 
     def _can_find(self) -> bool:
         return self.studio.workspace.scan is not None and self.studio.queue.running() is None

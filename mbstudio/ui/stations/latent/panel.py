@@ -25,6 +25,7 @@ from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.latent.factor_radar import describe_rank, show_lights
 from mbstudio.ui.stations.latent.work import LatentWork
 from mbstudio.ui.stations.panel import Panel
+from mbstudio.ui.widgets.factor_words import latent_count
 from mbstudio.ui.widgets.forms import badge, label, primary_button, quiet_button
 from mbstudio.ui.widgets.value_slider import ValueSlider
 
@@ -243,7 +244,7 @@ class LatentPanel(Panel):
                     "Double-click a grain below to begin with it.",
                     parents=len(learner.parents),
                     preset=learner.preset,
-                    dimension=learner.dimension,
+                    dimension=latent_count(learner.core, learner.dimension),
                 )
             )
             assert work.about is not None

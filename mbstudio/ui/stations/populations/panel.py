@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton
 
 from mbstudio.core.errors import MbstudioError
@@ -187,6 +188,8 @@ class PopulationPanel(Panel):
         elif work.run.is_running:
             text = tr("Measuring … see the status bar for progress and to cancel; what is measured is kept.")
         elif not work.is_current:
+            if not self.isVisible():
+                return  # to count thousands of bodies after each correction would make it slow
             text = self._what_is_left()
         elif chosen:
             listed = ", ".join(map(str, sorted(chosen)[:8])) + (" …" if len(chosen) > 8 else "")
@@ -195,6 +198,10 @@ class PopulationPanel(Panel):
             text = tr("No grain is selected. Click or drag in a plot, the view or the table.")
         self._hint.setText(text)
         self.measure_button.setText(tr("Measure again") if work.measured is not None else tr("Measure"))
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self._write_hint()
 
     def _what_is_left(self) -> str:
         """Say what measuring would take."""

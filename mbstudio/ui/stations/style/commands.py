@@ -20,13 +20,18 @@ def style_commands(
     return [*_learn(studio, work, panel, link), *_generate(studio, clone_work, panel, link)]
 
 
+def _learn_or_show(studio: Studio, panel: StylePanel) -> None:
+    """Learn; from elsewhere only go to the page: minutes of work do not begin by one key, unseen."""
+    if panel.learn.isVisible():
+        panel.learn.learn()
+        return
+    studio.enter("style")
+    panel.open_page("learn")
+    studio.give_hint(tr("Check what is learned from; “Learn style” or Ctrl+L begins."))
+
+
 def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) -> list[Command]:
     space = studio.workspace
-
-    def learn() -> None:
-        studio.enter("style")
-        panel.open_page("learn")
-        panel.learn.learn()
 
     def learn_on() -> None:
         studio.enter("style")
@@ -37,7 +42,7 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
         Command(
             id="style.learn",
             title=tr("Learn style"),
-            run=learn,
+            run=partial(_learn_or_show, studio, panel),
             menu="Style",
             shortcut="Ctrl+L",
             icon="ph.graduation-cap",

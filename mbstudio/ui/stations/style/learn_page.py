@@ -13,6 +13,7 @@ from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.style.work import LearnRequest, Parents, Source, StyleWork, percent
+from mbstudio.ui.widgets.factor_words import latent_count
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.workspace import Workspace
 
@@ -297,9 +298,9 @@ class LearnPage(QWidget):
         ]
         lines = [
             tr(
-                "n = {n} · {latents} latents · Dₙ {smallest:.3g} to {largest:.3g} {unit}",
+                "n = {n} · {latents} latent variables · Dₙ {smallest:.3g} to {largest:.3g} {unit}",
                 n=card.n,
-                latents=card.latents,
+                latents=latent_count(learner.core, learner.dimension),
                 smallest=card.smallest,
                 largest=card.largest,
                 unit=unit,

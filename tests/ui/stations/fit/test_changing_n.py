@@ -58,6 +58,9 @@ def test_another_n_while_a_fit_is_paused_and_while_it_runs(fitting, idle, qtbot)
     # The curve is the whole history, the generations before the change included.
     np.testing.assert_allclose(window.stations.fit.curve.losses, fit.history)
     assert count + 3 < len(fit.history) < 50_000
+    ((place, words),) = window.stations.fit.curve.marked_changes
+    assert words == "n = 14"
+    assert 3 < place < count
 
 
 def test_a_cancelled_fit_is_let_go(fitting, idle):

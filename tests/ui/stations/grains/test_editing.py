@@ -14,33 +14,11 @@ from PySide6.QtTest import QTest
 
 from mbstudio.core.errors import GrainWarning
 from mbstudio.core.grains.verdict import SegmentationVerdict
-from mbstudio.core.project import Project
 from mbstudio.ui.stations.grains.table_model import COLUMNS
-from tests.core.grains.editing.placed_grains import placed_grains, scan_of
 from tests.core.project.conftest import make_fit
 
 LEFT = Qt.MouseButton.LeftButton
 Z, Y, X = "z", "y", "x"
-
-
-@pytest.fixture
-def grains():
-    return placed_grains()
-
-
-@pytest.fixture
-def at_grains(window, idle, grains, rng, qtbot):
-    """The window at station Grains, with four grains and an avatar each."""
-    scan = scan_of(grains.labels)
-    project = Project.new(scan, embed_scan=True)
-    project.change("Find grains", grains=grains)
-    project.add_fits({label: make_fit(label, 4, rng) for label in (1, 2, 3, 4)})
-    window.workspace.replace_project(project)
-    window.workspace.give_scan(scan)
-    window.studio.enter("grains")
-    window.resize(1500, 900)
-    idle()
-    return window
 
 
 def press(window, key, modifier=Qt.KeyboardModifier.NoModifier):
@@ -110,40 +88,40 @@ def test_a_grain_is_split_by_clicked_seeds_once_the_preview_is_taken(at_grains, 
     for axis, index in ((Z, 25), (Y, 33), (X, 27)):
         view.move_slice(axis, index)
     press(at_grains, Qt.Key.Key_S)
-    editing = at_grains.stations.grains.editing
-    assert editing.tool == "seeds"
+    tools = at_grains.stations.grains.tools
+    assert tools.tool == "seeds"
     pane = pane_across(at_grains, Z)
     click(pane, 20, 33)
-    assert editing.seeds == [(25, 33, 20)]
-    assert not editing.can_accept
+    assert tools.seeds == [(25, 33, 20)]
+    assert not tools.can_accept
     click(pane, 34, 33)
-    assert editing.can_accept
+    assert tools.can_accept
     same(at_grains, grains)  # shown, not taken
     shown = view.scene.layers.slices.planes._labels
     wanted = grains.split(3, [(25, 33, 20), (25, 33, 34)], scan=space.scan)
     assert np.array_equal(np.asarray(shown), wanted.labels)
     press(at_grains, Qt.Key.Key_Return)
     same(at_grains, wanted)
-    assert editing.tool == ""
+    assert tools.tool == ""
     assert space.undo_title == "Split grain 3"
     space.undo()
     same(at_grains, grains)
 
 
 def test_a_split_that_is_given_up_leaves_everything(at_grains, grains):
-    view, editing = at_grains.view, at_grains.stations.grains.editing
+    view, tools = at_grains.view, at_grains.stations.grains.tools
     view.move_slice(Z, 25)
     press(at_grains, Qt.Key.Key_S)
     pane = pane_across(at_grains, Z)
     click(pane, 20, 33)
     click(pane, 22, 33)
     assert "lie in one basin" in at_grains.messages.text
-    assert editing.seeds == [(25, 33, 20)]
+    assert tools.seeds == [(25, 33, 20)]
     click(pane, 34, 33)
-    assert editing.can_accept
+    assert tools.can_accept
     press(at_grains, Qt.Key.Key_Escape)  # the message
     press(at_grains, Qt.Key.Key_Escape)
-    assert editing.tool == ""
+    assert tools.tool == ""
     assert view.slice_tool is None
     same(at_grains, grains)
     assert np.array_equal(np.asarray(view.scene.layers.slices.planes._labels), grains.labels)
@@ -169,7 +147,7 @@ def test_strokes_paint_and_erase_in_the_slice(at_grains, grains):
     painted = space.state.grains
     stroke = painted.edits[-1]
     same(at_grains, grains.painted(1, stroke.centres, stroke.radius, axis=0))
-    assert at_grains.stations.grains.editing.tool == "paint"  # for the next stroke
+    assert at_grains.stations.grains.tools.tool == "paint"  # for the next stroke
     press(at_grains, Qt.Key.Key_E)
     click(pane, 14, 12)
     erased = space.state.grains.edits[-1]

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.grains.editing.grain_editing import GrainEditing
+from mbstudio.ui.stations.grains.editing.slice_editing import SliceEditing
 from mbstudio.ui.workspace import Workspace
 
 
-def edit_commands(space: Workspace, editing: GrainEditing, is_open: Callable[[], bool]) -> list[Command]:
+def edit_commands(
+    space: Workspace, editing: GrainEditing, tools: SliceEditing, is_open: Callable[[], bool]
+) -> list[Command]:
     """Return the commands of station Grains that change grains by hand; their keys count only there."""
 
     def has_grains() -> bool:
@@ -21,7 +25,7 @@ def edit_commands(space: Workspace, editing: GrainEditing, is_open: Callable[[],
 
     return [
         *_of_chosen(space, editing, has_choice),
-        *_tools(editing, has_grains),
+        *_tools(tools, has_grains),
         *_outlines(editing, has_choice),
         Command(
             id="grains.save_labels",
@@ -73,62 +77,107 @@ def _of_chosen(space: Workspace, editing: GrainEditing, has_choice: Callable[[],
     ]
 
 
-def _tools(editing: GrainEditing, has_grains: Callable[[], bool]) -> list[Command]:
+def _tools(tools: SliceEditing, has_grains: Callable[[], bool]) -> list[Command]:
+    given = (
+        (
+            "split", "seeds", tr("Split a grain by seeds"), "S", "ph.scissors",
+            tr("Click a seed in each part of a grain in the slices; the split is shown before it is taken"),
+        ),
+        (
+            "split_line", "line", tr("Split a grain along a line"), "Shift+S", "ph.line-segment",
+            tr("Draw a line across a grain in a slice; the split is shown before it is taken"),
+        ),
+        (
+            "new_grain", "new", tr("New grain by a click"), "W", "ph.magic-wand",
+            tr("Click what is no grain yet: it grows within its grey values, and is shown before it counts"),
+        ),
+        (
+            "paint", "paint", tr("Paint"), "B", "ph.paint-brush",
+            tr("Paint the selected grain in the slices with a round brush; a new grain if none is selected"),
+        ),
+        (
+            "erase", "erase", tr("Erase"), "E", "ph.eraser",
+            tr("Erase from the selected grain in the slices with a round brush"),
+        ),
+        (
+            "fill", "fill", tr("Fill by a click"), "F", "ph.paint-bucket",
+            tr("Click void that the selected grain encloses in a slice"),
+        ),
+    )  # fmt: skip
+    return [
+        *(
+            Command(
+                id=f"grains.{name}",
+                title=title,
+                run=partial(_take_up, tools, tool),
+                menu="Grains",
+                shortcut=keys,
+                icon=icon,
+                tip=tip,
+                enabled=has_grains,
+                checked=partial(_is_in_hand, tools, tool),
+            )
+            for name, tool, title, keys, icon, tip in given
+        ),
+        *_of_tool(tools),
+    ]
+
+
+def _take_up(tools: SliceEditing, tool: str, _on: bool = True) -> None:
+    tools.take_up(tool)
+
+
+def _is_in_hand(tools: SliceEditing, tool: str) -> bool:
+    return tools.tool == tool
+
+
+def _of_tool(tools: SliceEditing) -> list[Command]:
     return [
         Command(
-            id="grains.split",
-            title=tr("Split a grain by seeds"),
-            run=lambda _on: editing.take_up("seeds"),
-            menu="Grains",
-            shortcut="S",
-            icon="ph.scissors",
-            tip=tr(
-                "Click a seed in each part of a grain in the slices; the split is shown before it is taken"
-            ),
-            enabled=has_grains,
-            checked=lambda: editing.tool == "seeds",
-        ),
-        Command(
             id="grains.accept_split",
-            title=tr("Take the split"),
-            run=editing.accept,
+            title=tr("Take what is shown"),
+            run=tools.accept,
             menu="Grains",
             shortcut="Return; Enter",
-            tip=tr("Take the split that the slices show"),
-            enabled=lambda: editing.can_accept,
+            tip=tr("Take the split or the new grain that the slices show"),
+            enabled=lambda: tools.can_accept,
         ),
         Command(
-            id="grains.paint",
-            title=tr("Paint"),
-            run=lambda _on: editing.take_up("paint"),
+            id="grains.larger_brush",
+            title=tr("Larger brush"),
+            run=lambda: tools.go_further(1),
             menu="Grains",
-            shortcut="B",
-            icon="ph.paint-brush",
-            tip=tr(
-                "Paint the selected grain in the slices with a round brush; a new grain if none is selected"
-            ),
-            enabled=has_grains,
-            checked=lambda: editing.tool == "paint",
+            shortcut="]",
+            tip=tr("Make the brush larger; with “New grain”, raise the grey value"),
+            enabled=lambda: tools.tool in ("paint", "erase", "new"),
         ),
         Command(
-            id="grains.erase",
-            title=tr("Erase"),
-            run=lambda _on: editing.take_up("erase"),
+            id="grains.smaller_brush",
+            title=tr("Smaller brush"),
+            run=lambda: tools.go_further(-1),
             menu="Grains",
-            shortcut="E",
-            icon="ph.eraser",
-            tip=tr("Erase from the selected grain in the slices with a round brush"),
-            enabled=has_grains,
-            checked=lambda: editing.tool == "erase",
+            shortcut="[",
+            tip=tr("Make the brush smaller; with “New grain”, lower the grey value"),
+            enabled=lambda: tools.tool in ("paint", "erase", "new"),
+        ),
+        Command(
+            id="grains.brush_in_space",
+            title=tr("Paint in space"),
+            run=tools.set_in_space,
+            menu="Grains",
+            shortcut="Shift+B",
+            tip=tr("Paint with a ball, and not with a disk in the slice"),
+            enabled=lambda: tools.tool in ("paint", "erase"),
+            checked=lambda: tools.in_space,
         ),
         Command(
             id="grains.put_down",
             title=tr("End the tool"),
-            run=editing.stop,
+            run=tools.stop,
             menu="Grains",
             shortcut="Esc",
-            tip=tr("Put the tool down; a split that was not taken is given up"),
-            enabled=lambda: editing.can_be_put_down,
+            tip=tr("Put the tool down; what was not taken is given up"),
+            enabled=lambda: tools.can_be_put_down,
         ),
     ]
 
