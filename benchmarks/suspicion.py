@@ -24,8 +24,8 @@ from mbstudio.core.scan import Scan
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from tests.core.grains.degraded import scanned
 
-SCANS = 42
-FIRST_SEED = 72000
+SCANS = 27
+FIRST_SEED = 72015
 SPLITTINGS = (0.45, 0.6, 0.75, 0.75, 0.85, 0.93, 0.95, 0.98, 1.0)
 
 

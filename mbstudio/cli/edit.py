@@ -61,6 +61,9 @@ SplitAlongOption = Annotated[
 ]
 DeleteOption = Annotated[list[str] | None, _edits("LABELS", "Take grains away.")]
 ExcludeOption = Annotated[list[str] | None, _edits("LABELS", "Leave grains out of all that follows.")]
+AcceptOption = Annotated[
+    list[str] | None, _edits("LABELS", "Mark grains as looked at and right: --suspicious leaves them out.")
+]
 IncludeOption = Annotated[list[str] | None, _edits("LABELS", "Take excluded grains in again.")]
 PaintOption = Annotated[
     list[str] | None,
@@ -123,6 +126,7 @@ def edit(
     delete: DeleteOption = None,
     exclude: ExcludeOption = None,
     include: IncludeOption = None,
+    accept: AcceptOption = None,
     paint: PaintOption = None,
     erase: EraseOption = None,
     fill: FillOption = None,
@@ -152,8 +156,9 @@ def edit(
         require_ending(write_labels)
     given = {
         "merge": merge, "split": split, "split_along": split_along, "delete": delete, "exclude": exclude,
-        "include": include, "paint": paint, "erase": erase, "fill": fill, "grow": grow, "shrink": shrink,
-        "smooth": smooth, "fill_holes": fill_holes, "new_grain": new_grain, "replay": replay,
+        "include": include, "accept": accept, "paint": paint, "erase": erase, "fill": fill, "grow": grow,
+        "shrink": shrink, "smooth": smooth, "fill_holes": fill_holes, "new_grain": new_grain,
+        "replay": replay,
     }  # fmt: skip
     wanted = _in_order(context.meta["mbstudio.order"], given)
     read = _Reading(_read_axis(axis), apart, by_shape)
@@ -270,19 +275,13 @@ def _list_edits(project: Project, as_json: bool) -> None:
 
 
 def _list_suspicious(project: Project, count: int, as_json: bool) -> None:
-    from mbstudio.core.formulas import nominal_diameter
-
     grains = project.grains
     if grains is None or count < 1:
         raise ProjectError("There are no grains to list: find them first, and list 1 or more.")
-    sizes = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
-    residuals = {
-        label: fit.verdict.rms / nominal_diameter(float(sizes[label]))
-        for label, fit in project.fits.items()
-        if label in sizes and label not in project.state.changed_labels
-    }
+    residuals = project.state.relative_residuals
     with console.progress("Looking at the grains") as report:
-        ranked = grains.suspicion(project.scan, residuals=residuals, progress=report).head(count)
+        ranked = grains.suspicion(project.scan, residuals=residuals, progress=report)
+        ranked = ranked[~ranked["label"].isin(grains.accepted_labels)].head(count)
     if as_json:
         console.print_json({"suspicious": ranked.to_dict("records")})
         return
@@ -319,7 +318,7 @@ class _Reading:
 
         kinds: dict[str, type[Edit]] = {
             "--delete": records.Delete, "--exclude": records.Exclude, "--include": records.Include,
-            "--fill-holes": records.FillHoles,
+            "--fill-holes": records.FillHoles, "--accept": records.Accept,
         }  # fmt: skip
         return kinds[option](labels=_labels(text, option))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.core.counting import counted
 from mbstudio.core.errors import FitError, MbstudioError
 
 if TYPE_CHECKING:
@@ -196,7 +197,8 @@ def _end_as(outcome: Outcome, chosen: list[int], title: str, output: Path) -> No
     if outcome.interrupted:
         left = len(chosen) - len(outcome.fits) - len(outcome.failures)
         console.tell(
-            f"mbstudio: interrupted; {left} grains are left: run 'mbstudio fit {output}' to continue."
+            f"mbstudio: interrupted; {counted(left, 'grain is', 'grains are')} left: "
+            f"run 'mbstudio fit {output}' to continue."
         )
         raise typer.Exit(INTERRUPTED)
     if chosen and not outcome.fits:

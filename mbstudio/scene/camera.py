@@ -79,6 +79,15 @@ def fit(renderer: Any, points: Float[np.ndarray, "m 3"]) -> None:
     renderer.ResetCameraClippingRange()
 
 
+def centre(renderer: Any, point: Float[np.ndarray, "3"]) -> None:
+    """Move a point into the middle of the picture without turning or zooming."""
+    camera = renderer.GetActiveCamera()
+    shift = np.asarray(point, float) - camera.GetFocalPoint()
+    camera.SetPosition(*(np.asarray(camera.GetPosition()) + shift))
+    camera.SetFocalPoint(*point)
+    renderer.ResetCameraClippingRange()
+
+
 def _axes(camera: Any) -> Float[np.ndarray, "3 3"]:
     """Return as rows the picture's right, its upward direction and the way to the camera."""
     away = np.subtract(camera.GetPosition(), camera.GetFocalPoint())

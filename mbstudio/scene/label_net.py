@@ -20,18 +20,22 @@ REACH = 0.8  # voxels that a vertex may move from the middle of its cell
 
 @dataclass(frozen=True, eq=False)
 class LabelNet:
-    """Vertices (x, y, z) in voxels, outward triangles, and the label of each triangle."""
+    """Vertices (x, y, z) in voxels, outward triangles, the label of each, and the voxel (z, y, x) before it.
+
+    The voxel is the first of the two that the triangle parts; -1 lies outside.
+    """
 
     points: Float[np.ndarray, "m 3"]
     triangles: Int64[np.ndarray, "t 3"]
     labels: Int32[np.ndarray, " t"]
+    homes: Int32[np.ndarray, "t 3"]
 
 
 def label_net(labels: Int[np.ndarray, "Z Y X"]) -> LabelNet:
     """Return the surface around all labels but 0; voxel [iz, iy, ix] has its centre at (ix, iy, iz)."""
     # A margin of background closes the grains that the box cuts.
     padded = np.pad(np.asarray(labels, dtype=np.int32), 1)
-    quads, owners = zip(*(_quads_across(padded, axis) for axis in range(3)), strict=True)
+    quads, owners, firsts = zip(*(_quads_across(padded, axis) for axis in range(3)), strict=True)
     corners = np.concatenate(quads)
     owner = np.concatenate(owners)
     used, corners = np.unique(corners, return_inverse=True)
@@ -40,7 +44,13 @@ def label_net(labels: Int[np.ndarray, "Z Y X"]) -> LabelNet:
     middle = np.column_stack(np.unravel_index(used, padded.shape))[:, ::-1] + 0.5 - 1.0
     points = _smoothed(middle, corners)
     triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-    return LabelNet(points, triangles.astype(np.int64), np.concatenate([owner, owner]).astype(np.int32))
+    home = np.concatenate(firsts).astype(np.int32) - 1
+    return LabelNet(
+        points,
+        triangles.astype(np.int64),
+        np.concatenate([owner, owner]).astype(np.int32),
+        np.concatenate([home, home]),
+    )
 
 
 def vertex_normals(
@@ -54,8 +64,8 @@ def vertex_normals(
     return (normals / np.where(lengths > 0, lengths, 1)).astype(np.float32)
 
 
-def _quads_across(padded: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners (flat indices of cells) and labels of the quads across one axis."""
+def _quads_across(padded: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the corners (flat indices of cells), labels and first voxels of the quads across one axis."""
     first = np.take(padded, range(padded.shape[axis] - 1), axis)
     second = np.take(padded, range(1, padded.shape[axis]), axis)
     where = np.nonzero((first != second) & ((first == 0) | (second == 0)))
@@ -67,7 +77,7 @@ def _quads_across(padded: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray
     corners = np.column_stack([voxel - one - other, voxel - other, voxel, voxel - one])
     grain_first = first[where] != 0
     outward = np.where(grain_first[:, None], corners[:, ::-1], corners)
-    return outward, np.where(grain_first, first[where], second[where])
+    return outward, np.where(grain_first, first[where], second[where]), np.column_stack(where)
 
 
 def _smoothed(middle: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -102,6 +102,18 @@ class Scene:
         for layer in self.layers.values():
             layer.choose(self._stage.chosen)
 
+    @property
+    def isolated(self) -> bool:
+        """Whether the grains that are brought out are shown alone."""
+        return self._stage.isolated
+
+    def isolate(self, on: bool) -> None:
+        """Hide all grains but those that are brought out, or show them again."""
+        self._stage.isolated = on
+        for layer in self.layers.values():
+            layer.choose(self._stage.chosen)
+        self._update()
+
     # ---- how it is shown ----------------------------------------------------------------
 
     def show_layers(self, shown: Collection[str]) -> None:
@@ -163,6 +175,15 @@ class Scene:
         if points is not None and not camera.shows(self._renderer, points):
             camera.fit(self._renderer, points)
 
+    def frame(self, points: Float[np.ndarray, "m 3"], room: float = 1.0) -> None:
+        """Bring points (x, y, z) into the picture, with `room` times their size around them."""
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        camera.fit(self._renderer, middle + room * (points - middle))
+
+    def centre(self, point: Float[np.ndarray, "3"]) -> None:
+        """Move a point (x, y, z) into the middle of the picture, from where one looks now."""
+        camera.centre(self._renderer, point)
+
     def look_from(self, view: View) -> None:
         """Turn to one of the preset views and fit."""
         camera.turn(self._renderer, view)
@@ -178,6 +199,15 @@ class Scene:
     def pick(self, x: float, y: float) -> Hit | None:
         """Return what lies foremost under a pixel (from the lower left), or None."""
         return self._pick(self.layers.values(), x, y)
+
+    def pick_grain(self, x: float, y: float) -> Hit | None:
+        """Return what of a grain lies foremost under a pixel (from the lower left), or None.
+
+        The hit is one of many grains or avatars, and has its label; or the grain that is looked at by itself;
+        or a slice, in which a grain may lie.
+        """
+        layers = (layer for layer in self.layers.values() if layer.picks_grains or layer.shows_one_grain)
+        return self._pick(layers, x, y)
 
     def label_at(self, x: float, y: float) -> int | None:
         """Return the label of the grain or avatar under a pixel (from the lower left), or None."""

@@ -61,6 +61,13 @@ class Surface:
             surface.cell_data[LABEL_ARRAY] = self.labels
         return surface
 
+    def only(self, labels: Collection[int]) -> Surface:
+        """Return the triangles with these labels; the vertices stay as they are."""
+        if self.labels is None:
+            return self
+        kept = np.isin(self.labels, list(labels))
+        return Surface(self.points, self.triangles[kept], self.normals, self.labels[kept])
+
     def fill(self, mesh: pv.PolyData) -> None:
         """Put points, triangles and normals into a mesh that is shown already, without copies.
 

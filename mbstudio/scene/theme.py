@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 
 @dataclass(frozen=True)
@@ -82,3 +82,15 @@ def label_colours(largest: int) -> UInt8[np.ndarray, "labels 3"]:
     colours = table[(labels * 7) % len(table)].copy()
     colours[0] = 0
     return colours
+
+
+_SCORE_COLOURS = ((0.0, "#7fa3bf"), (0.3, "#e6c35c"), (1.0, "#c23b2a"))
+"""From a quiet blue over yellow, where suspicion begins, to red."""
+
+
+def score_colours(scores: Float[np.ndarray, " k"]) -> UInt8[np.ndarray, "k 3"]:
+    """Return a colour for each score from 0 to 1."""
+    places = [place for place, _ in _SCORE_COLOURS]
+    ends = np.array([rgb(colour) for _, colour in _SCORE_COLOURS], dtype=float)
+    channels = [np.interp(scores, places, ends[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=1).astype(np.uint8)

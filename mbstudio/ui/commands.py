@@ -40,6 +40,10 @@ class Command:
         Whether menus and tool bars show it now.
     separated : bool
         Whether a line stands above it in its menu.
+    words : callable or None
+        What the menus call it now, if that depends on what is chosen; `title` is what it is called in lists.
+    is_about_grains : bool
+        Whether it acts on the chosen grains: menus on grains offer it.
     """
 
     id: str
@@ -53,6 +57,8 @@ class Command:
     checked: Callable[[], bool] | None = None
     visible: Callable[[], bool] = lambda: True
     separated: bool = False
+    words: Callable[[], str] | None = None
+    is_about_grains: bool = False
 
 
 class CommandTable(QObject):
@@ -150,5 +156,7 @@ class CommandTable(QObject):
             action = self._actions[command.id]
             action.setEnabled(command.enabled())
             action.setVisible(command.visible())
+            if command.words is not None:
+                action.setText(command.words())
             if command.checked is not None:
                 action.setChecked(command.checked())

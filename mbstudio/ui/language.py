@@ -33,6 +33,21 @@ def tr(text: str, **values: object) -> str:
     return translated.format(**values) if values else translated
 
 
+def plural(count: int, one: str, many: str, **values: object) -> str:
+    """Return a text about a number of things, in the person's language.
+
+    Parameters
+    ----------
+    count : int
+        Of the things; fills the field ``{count}``.
+    one, many : str
+        Marked texts for exactly one and for any other number (`mark`): "{count} grain", "{count} grains".
+    **values
+        For further fields.
+    """
+    return tr(one if count == 1 else many, count=count, **values)
+
+
 def install_translation(application: QCoreApplication, locale: QLocale | None = None) -> bool:
     """Let `tr` speak a language from now on; return whether there is a translation.
 

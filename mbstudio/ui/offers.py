@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
 
 if TYPE_CHECKING:
+    from mbstudio.core.grains.suspicion.suspects import Suspect
     from mbstudio.core.populations import Population
     from mbstudio.core.populations.measuring import Known
     from mbstudio.core.vae.models.style_learner import StyleLearner
@@ -30,7 +31,9 @@ class Offers(QObject):
         The kept grain that is chosen.
     known : dict
         Measurements of the project's bodies so far, as `measure_together` keeps them.
-    compared_changed, populations_changed, kept_changed, kept_chosen : signal
+    suspects : dict of int to Suspect
+        By label, how suspicious the grains are that were looked at.
+    compared_changed, populations_changed, kept_changed, kept_chosen, suspects_changed : signal
     export_chosen : signal (str)
         Which bodies station Export is to write: 'valid', 'all', 'chosen', 'clones', 'kept' or 'kept one'.
     """
@@ -39,6 +42,7 @@ class Offers(QObject):
     populations_changed = Signal()
     kept_changed = Signal()
     kept_chosen = Signal()
+    suspects_changed = Signal()
     export_chosen = Signal(str)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -49,6 +53,7 @@ class Offers(QObject):
         self.learner: StyleLearner | None = None
         self.kept_name: str | None = None
         self.known: Known = {}
+        self.suspects: dict[int, Suspect] = {}
 
     def compare(self, populations: Sequence[Population]) -> None:
         """Offer populations to be shown beside the project's own."""
@@ -59,6 +64,11 @@ class Offers(QObject):
         """Offer what was measured."""
         self.populations = tuple(populations)
         self.populations_changed.emit()
+
+    def offer_suspects(self, suspects: Mapping[int, Suspect]) -> None:
+        """Offer how suspicious grains are, by label."""
+        self.suspects = dict(suspects)
+        self.suspects_changed.emit()
 
     def offer_kept(self, kept: Sequence[KeptGrain], learner: StyleLearner | None) -> None:
         """Offer grains shaped by hand for export."""

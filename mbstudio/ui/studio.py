@@ -9,6 +9,7 @@ from PySide6.QtCore import QObject, QSettings, Signal, SignalInstance
 from PySide6.QtWidgets import QWidget
 
 from mbstudio.ui.commands import CommandTable
+from mbstudio.ui.grain_menu import GrainMenu
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.offers import Offers
 from mbstudio.ui.theme import Theme
@@ -57,9 +58,13 @@ class Studio(QObject):
         Empty until the shell has collected the commands of all parts.
     offers : Offers
         What the stations have for one another.
+    grain_menu : GrainMenu
+        The menu on grains, the same in every view.
     refresh_asked, docks_asked : signal
         Commands and title, or the docks that are shown, may be out of date.
     station_asked : signal (str)
+    grain_asked : signal
+        The grain that is looked at is to be brought into the middle of the view.
     hint_given : signal (str)
         Words for the status bar; empty takes them away.
     """
@@ -68,6 +73,7 @@ class Studio(QObject):
     docks_asked = Signal()
     station_asked = Signal(str)
     hint_given = Signal(str)
+    grain_asked = Signal()
 
     def __init__(
         self,
@@ -85,6 +91,7 @@ class Studio(QObject):
         self.queue = TaskQueue(self)
         self.commands = CommandTable(icons, host)
         self.offers = Offers(self)
+        self.grain_menu = GrainMenu(self.workspace, self.commands, host)
 
     def say(self, level: Level, text: str, action: str = "", callback: object = None) -> None:
         """Show a message above the view."""
@@ -105,6 +112,10 @@ class Studio(QObject):
     def enter(self, station: str) -> None:
         """Go to a station."""
         self.station_asked.emit(station)
+
+    def look_at_grain(self) -> None:
+        """Bring the grain that is looked at into the middle of the view."""
+        self.grain_asked.emit()
 
     def path_for(self, name: str = "") -> str:
         """Return where a dialog for files begins: a file of this name in the project's folder."""

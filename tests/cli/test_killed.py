@@ -111,7 +111,7 @@ def test_the_project_goes_on_as_well_and_other_commands_see_what_was_finished(mb
 def test_a_terminated_command_saves_what_is_finished(fit, tmp_path):
     ran, done = ended(2, signal.SIGTERM, *fit)
     assert ran.returncode == 130
-    assert "interrupted; 1 grains are left" in ran.stderr
+    assert "interrupted; 1 grain is left" in ran.stderr
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["sand.mbs", "stones"]
     assert sorted(Project.open("sand.mbs").fits) == sorted(done)
 

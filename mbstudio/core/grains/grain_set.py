@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import Scan
 
 
+_BESIDE = 2  # voxels between the boxes of grains that may touch
+
+
 @dataclass(frozen=True, eq=False)
 class GrainSet(EditableGrains):
     """The grains of one scan.
@@ -43,8 +46,8 @@ class GrainSet(EditableGrains):
         One row a grain, in the order of its labels, with the columns ``label``, ``voxels``,
         ``volume`` (unit**3; of a mesh exactly, else by counting voxels), ``z0, z1, y0, y1, x0, x1``
         (bounding box in voxels, half open), ``x, y, z`` (centroid in unit) and ``touches_border``; where
-        grains were excluded by hand also ``excluded``; grains of mesh files also have a ``name`` and the
-        ``file`` that they came from.
+        grains were excluded by hand also ``excluded``, where some were accepted also ``accepted``; grains
+        of mesh files also have a ``name`` and the ``file`` that they came from.
     voxel_size : VoxelSize
     origin : tuple of float
         Position (x, y, z) of the centre of voxel [0, 0, 0], as in the scan.
@@ -132,6 +135,18 @@ class GrainSet(EditableGrains):
         """Return whether there is a grain of this number."""
         return bool((self.table["label"].to_numpy() == label).any())
 
+    def voxel_inside(self, label: int) -> tuple[int, int, int]:
+        """Return the voxel (z, y, x) of a grain nearest to its middle; GrainError if there is none."""
+        rows = np.flatnonzero(self.table["label"].to_numpy() == label)
+        if not len(rows):
+            raise GrainError(f"There is no grain {label}.")
+        row = self.table.iloc[int(rows[0])]
+        box = box_of_row([row[f"{axis}{end}"] for axis in "zyx" for end in (0, 1)])
+        places = np.argwhere(self.label_volume.read(box) == label)
+        away = ((places - places.mean(axis=0)) * self.voxel_size.zyx) ** 2
+        z, y, x = (places[int(away.sum(axis=1).argmin())] + [part.start for part in box]).tolist()
+        return z, y, x
+
     def shares_body(self, other: GrainSet, label: int) -> bool:
         """Return whether a grain of another set is the same here, voxel by voxel."""
         return self.has(label) and other.has(label) and self.body_key(label) == other.body_key(label)
@@ -142,6 +157,37 @@ class GrainSet(EditableGrains):
             self.label_volume.family, label, self.stamps.get(label), self.meshes.get(label), self.voxel_size,
             self.origin,
         )  # fmt: skip
+
+    def changed_since(self, before: GrainSet) -> frozenset[int] | None:
+        """Return which grains are other voxels than in a grain set before, came or went.
+
+        None if these did not come from each other by corrections: then nothing need be the same.
+        """
+        if before.label_volume.family is not self.label_volume.family:
+            return None
+        stamped = before.stamps.keys() | self.stamps.keys()
+        changed = {label for label in stamped if before.stamps.get(label) is not self.stamps.get(label)}
+        gone_or_new = set(before.table["label"].tolist()) ^ set(self.table["label"].tolist())
+        return frozenset(changed | gone_or_new)
+
+    def outdated_since(self, before: GrainSet) -> frozenset[int]:
+        """Return which grains have changed since a grain set before, or lie close to what has.
+
+        All, if these did not come from each other by corrections.
+        """
+        labels, changed = self.table["label"].to_numpy(), self.changed_since(before)
+        if changed is None:
+            return frozenset(labels.tolist())
+        if not changed:
+            return frozenset()
+        boxes = np.concatenate(
+            [_ends(grains.table[grains.table["label"].isin(changed)]) for grains in (before, self)]
+        )
+        ends, near = _ends(self.table), np.zeros(len(labels), dtype=bool)
+        for box in boxes:
+            apart = (ends[:, 0] > box[1] + _BESIDE) | (ends[:, 1] < box[0] - _BESIDE)
+            near |= ~apart.any(axis=1)
+        return frozenset(labels[near].tolist())
 
     def suspicion(
         self,
@@ -187,6 +233,13 @@ class GrainSet(EditableGrains):
             return frozenset()
         return frozenset(self.table.loc[self.table["excluded"].to_numpy(), "label"].tolist())
 
+    @property
+    def accepted_labels(self) -> frozenset[int]:
+        """Labels of the grains that were looked at and accepted, and have not changed since."""
+        if "accepted" not in self.table:
+            return frozenset()
+        return frozenset(self.table.loc[self.table["accepted"].to_numpy(), "label"].tolist())
+
     def _cut_out(self, row: pd.Series, fill_cavities: bool = True) -> Grain:
         """Cut the grain out of the label volume; what other labels fill inside it is its own if filled."""
         label = int(row["label"])
@@ -202,3 +255,9 @@ class GrainSet(EditableGrains):
             filled_voxels=int(np.count_nonzero(mask) - np.count_nonzero(solid)),
             segmented=True,
         )  # fmt: skip
+
+
+def _ends(table: pd.DataFrame) -> Int[np.ndarray, "n 2 3"]:
+    """Return first and last ends (z, y, x) of the boxes of a table's grains."""
+    low, high = (table[[f"{axis}{end}" for axis in "zyx"]].to_numpy() for end in (0, 1))
+    return np.stack((low, high), axis=1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Int
 
+from mbstudio.core.counting import counted
 from mbstudio.core.errors import GrainWarning, MeshError
 from mbstudio.core.meshes.closing import Shell, closed_shells
 from mbstudio.core.meshes.edges import weld_equal
@@ -140,7 +141,7 @@ def bodies_of(
             on_failure(Path(path), error)
             last = error
     if not bodies and last is not None:
-        raise MeshError(f"None of the {len(paths)} files could be read; the last: {last}") from last
+        raise MeshError(f"None of {counted(len(paths), 'file')} could be read; the last: {last}") from last
     return bodies[:most]
 
 

@@ -178,7 +178,7 @@ def _check_table(table: pd.DataFrame, shape: tuple[int, ...]) -> None:
             low, high = table[f"{axis}0"].to_numpy(), table[f"{axis}1"].to_numpy()
             if not ((low >= 0) & (low < high) & (high <= length)).all():
                 raise ContentError(f"grains/table has boxes that are not inside the scan along {axis}")
-    for name in ("touches_border", "excluded"):
+    for name in ("touches_border", "excluded", "accepted"):
         if name in table and table[name].dtype.kind != "b":
             raise ContentError(f"grains/table has {name} that are no truth values")
     for name in ("voxels", "volume"):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mbstudio.core.counting import counted
 from mbstudio.core.errors import JournalError
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project.fit_journal import Found, find_fits, grains_digest
@@ -76,26 +77,26 @@ def _recover(journal: Path, state: ProjectState, file: str) -> Recovery | None:
         return Recovery(news, everything, f"{_count(len(news), journal)} {damage}".strip())
     taken = {label: fit for label, fit in news.items() if label not in state.fits}
     told = (
-        f"The project's file was written since {journal.name} was begun: of its {len(found.fits)} avatars "
-        f"those of {len(taken)} grains that had none came in."
+        f"The project's file was written since {journal.name} was begun: of its "
+        f"{counted(len(found.fits), 'avatar')}, {len(taken)} came in for grains without one."
     )
     return Recovery(taken, everything, f"{told} {damage}".strip())
 
 
 def _count(count: int, journal: Path) -> str:
-    avatars = "1 avatar" if count == 1 else f"{count} avatars"
+    avatars = counted(count, "avatar")
     return f"{avatars} that had not been saved came back from {journal.name}: save the project to keep them."
 
 
 def _damage(journal: Path, found: Found) -> str:
     if not found.damaged:
         return ""
-    places = "1 place" if found.damaged == 1 else f"{found.damaged} places"
+    places = counted(found.damaged, "place")
     return f"{journal} is damaged at {places}: grains that lack an avatar now are to be fitted again."
 
 
 def _of_others(journal: Path, found: Found) -> str:
     return (
-        f"{journal} holds {len(found.fits)} avatars of other grains than the project's, and none was taken: "
-        "remove it if you do not need it."
+        f"{journal} holds {counted(len(found.fits), 'avatar')} of other grains than the project's, "
+        "and none was taken: remove it if you do not need it."
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.imaging.steps import FitResult, Method
 from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.units import VoxelSize
@@ -113,6 +114,19 @@ class ProjectState:
         return MappingProxyType(
             {label: self.fits[label] for label in sorted(self.fits) if label not in excluded}
         )
+
+    @property
+    def relative_residuals(self) -> dict[int, float]:
+        """By grain label, how far avatars are off over the nominal diameters; of grains unchanged since."""
+        if self.grains is None:
+            return {}
+        volumes = dict(zip(self.grains.table["label"], self.grains.table["volume"], strict=True))
+        changed = self.changed_labels
+        return {
+            label: fit.verdict.rms / nominal_diameter(float(volumes[label]))
+            for label, fit in self.fits.items()
+            if label in volumes and label not in changed
+        }
 
     def with_edit(self, outcome: EditOutcome[GrainSet]) -> ProjectState:
         """Return this state with its grains corrected by hand.

@@ -14,3 +14,4 @@ class ChosenAvatar(SurfaceLayer):
     tip = mark("Surface of the selected grain's avatar")
     colour = "avatar"
     is_within_scan = True
+    shows_one_grain = True

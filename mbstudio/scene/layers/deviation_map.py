@@ -80,6 +80,7 @@ class DeviationMap(Layer[DeviationSurface]):
     icon = "ph.thermometer"
     tip = mark("Distance of the avatar's surface from the grain's, as colours")
     is_within_scan = True
+    shows_one_grain = True
 
     def __init__(self, name: str, stage: Stage) -> None:
         super().__init__(name, stage)

@@ -17,3 +17,4 @@ class ChosenGrain(SurfaceLayer):
     # Drawn after the avatar inside it plain blending is right.
     is_drawn_last = True
     is_within_scan = True
+    shows_one_grain = True

@@ -60,6 +60,8 @@ class Stage:
         That was the plotter's when the scene was made.
     chosen : frozenset of int
         Labels of the grains that are brought out.
+    isolated : bool
+        Whether those alone are shown, if there are any.
     grey_window : tuple of float, or None
         Grey values of the scan shown black and white; None without a scan.
     update : callable
@@ -72,8 +74,14 @@ class Stage:
         self.theme = theme
         self.unit = unit
         self.chosen: frozenset[int] = frozenset()
+        self.isolated = False
         self.grey_window: tuple[float, float] | None = None
         self.update: Callable[[], object] = lambda: None
+
+    @property
+    def shows_chosen_alone(self) -> bool:
+        """Whether grains are chosen, and all others hidden."""
+        return self.isolated and bool(self.chosen)
 
     def set_unit(self, unit: str | None) -> None:
         """Take another unit of the coordinates; None leaves it."""
@@ -114,6 +122,8 @@ class Layer(ABC, Generic[Content]):
         Whether it lies inside that outline, which then spans it when the camera is fitted.
     picks_grains : bool
         Whether the labels of what is hit are those of grains.
+    shows_one_grain : bool
+        Whether a click on it may mean a grain all the same: that which is looked at, or one that is cut.
     is_shown : bool
         Whether it is switched on; it may hold nothing yet.
     opacity : float
@@ -131,6 +141,7 @@ class Layer(ABC, Generic[Content]):
     has_outline: ClassVar[bool] = False
     is_within_scan: ClassVar[bool] = False
     picks_grains: ClassVar[bool] = False
+    shows_one_grain: ClassVar[bool] = False
 
     def __init__(self, name: str, stage: Stage) -> None:
         self.name, self.stage = name, stage

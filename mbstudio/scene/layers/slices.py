@@ -328,6 +328,7 @@ class Slices(Layer["Scan"]):
     is_clipped = False
     has_outline = True
     is_within_scan = True
+    shows_one_grain = True
 
     def __init__(self, name: str, stage: Stage) -> None:
         super().__init__(name, stage)

@@ -98,20 +98,39 @@ class OverviewLayer(SurfaceLayer):
 
     shine: ClassVar[dict[str, float]] = {"specular": 0.1, "specular_power": 20, "ambient": 0.1}
 
+    def __init__(self, name: str, stage: Stage) -> None:
+        super().__init__(name, stage)
+        self._content: Surface | None = None
+        self._alone: frozenset[int] | None = None  # the only labels that are drawn; None for all
+
     def set(self, content: Surface | None, unit: str | None = None) -> None:
         self.stage.set_unit(unit)
-        self._remove()
-        if content is not None and len(content.triangles):
-            self._mesh = content.poly_data()
-            self._mesh.cell_data["colour"] = np.zeros((self._mesh.n_cells, 3), dtype=np.uint8)
-            self._actor = add_surface(
-                self.stage, self.name, self._mesh, scalars="colour", rgb=True, **self.shine
-            )
-            self._actor.prop.opacity = self.opacity
-            self.recolour(self.stage.theme)
+        self._content = content
+        self._draw()
         self.stage.update()
 
     def choose(self, labels: frozenset[int]) -> None:
+        if self._alone_now != self._alone:
+            self._draw()
+        else:
+            self.recolour(self.stage.theme)
+
+    @property
+    def _alone_now(self) -> frozenset[int] | None:
+        """Labels of the only bodies that are to be drawn; None for all."""
+        return self.stage.chosen if self.stage.shows_chosen_alone else None
+
+    def _draw(self) -> None:
+        self._remove()
+        self._alone, content = self._alone_now, self._content
+        if content is not None and self._alone is not None:
+            content = content.only(self._alone)
+        if content is None or not len(content.triangles):
+            return
+        self._mesh = content.poly_data()
+        self._mesh.cell_data["colour"] = np.zeros((self._mesh.n_cells, 3), dtype=np.uint8)
+        self._actor = add_surface(self.stage, self.name, self._mesh, scalars="colour", rgb=True, **self.shine)
+        self._actor.prop.opacity = self.opacity
         self.recolour(self.stage.theme)
 
     def recolour(self, theme: SceneTheme) -> None:
@@ -125,8 +144,12 @@ class OverviewLayer(SurfaceLayer):
 
     def _colours(self, labels: np.ndarray, theme: SceneTheme) -> np.ndarray:
         """Return the colour, shape (t, 3), of each triangle by its label, shape (t,)."""
-        colours, chosen = label_colours(int(labels.max())), self.stage.chosen
+        colours, chosen = self._own_colours(int(labels.max()), theme), self.stage.chosen
         if chosen:
             colours = (0.78 * np.array(rgb(theme.muted)) + 0.22 * colours).astype(np.uint8)
             colours[[label for label in chosen if label < len(colours)]] = rgb(getattr(theme, self.colour))
         return np.asarray(colours[labels])
+
+    def _own_colours(self, largest: int, theme: SceneTheme) -> np.ndarray:
+        """Return the colour, shape (k, 3), of each label up to the largest while none is chosen."""
+        return label_colours(largest)

@@ -13,7 +13,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer, Signal
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.project import Autosave, Project, ProjectState
 from mbstudio.ui.kept_settings import whole_number
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.shell.project_notes import told_of
 from mbstudio.ui.stations.registry import Stations
 from mbstudio.ui.stations.work import Work
@@ -235,10 +235,10 @@ class AutosaveWork(Work):
         self.workspace.replace_project(project)
         self.workspace.hold_project()
         told = tr(
-            "Restored {project}: {grains} grains, {avatars} avatars. Save it to keep it.",
+            "Restored {project}: {grains}, {avatars}. Save it to keep it.",
             project=note.title,
-            grains=note.grains,
-            avatars=len(project.fits),
+            grains=plural(note.grains, mark("{count} grain"), mark("{count} grains")),
+            avatars=plural(len(project.fits), mark("{count} avatar"), mark("{count} avatars")),
         )
         self.said.emit("warning" if notes else "success", " ".join((told, *notes)))
         self.found.emit(list(self.leftovers))

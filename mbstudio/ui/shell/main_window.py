@@ -46,12 +46,13 @@ from mbstudio.ui.studio import Studio
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.view.building_note import BuildingNote
 from mbstudio.ui.view.comparison import Comparison
+from mbstudio.ui.view.grain_focus import GrainFocus
 from mbstudio.ui.view.pictures import Pictures
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.view.slice_commands import AUTO, BUTTONS, slice_commands
 from mbstudio.ui.view.slice_views import SliceViews
 from mbstudio.ui.view.tool_commands import tool_commands
-from mbstudio.ui.view.view_commands import view_commands
+from mbstudio.ui.view.view_commands import focus_commands, view_commands
 from mbstudio.ui.view.view_tools import ViewTools
 from mbstudio.ui.viewport import make_viewport
 from mbstudio.ui.workers import Task
@@ -83,7 +84,8 @@ class MainWindow(QMainWindow):
         self.viewport = self.studio.viewport
         self.view = SceneView(self.studio)
         self.view_tools = ViewTools(self.studio, self.view)
-        self.slice_views = SliceViews(self.studio, self.view)
+        self.focus = GrainFocus(self.studio, self.view)
+        self.slice_views = SliceViews(self.studio, self.view, self.focus)
         self.building_note = BuildingNote(self.studio, self.view)
         self.comparison = Comparison(self.studio, self.view, self.view_tools)
         self.pictures = Pictures(self.studio)
@@ -145,6 +147,7 @@ class MainWindow(QMainWindow):
             *station_commands(self.stations),
             *view_commands(view),
             *slice_commands(self.slice_views),
+            *focus_commands(self.workspace, self.focus),
             *tool_commands(self.studio, view, self.view_tools, self.comparison, self.pictures),
             *(command for station in self.stations for command in station.commands()),
             *file_commands(self.studio, self.project_files, shell, view, self.pictures, self.close),

@@ -9,7 +9,7 @@ from PySide6.QtCore import Signal
 
 from mbstudio.core.errors import ProjectChangedError, ProjectError, ProjectLockedError
 from mbstudio.core.project import Project
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.shell.project_notes import told_of
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Task
@@ -79,7 +79,11 @@ class ProjectWork(Work):
         except ProjectError as error:
             self.said.emit("error", str(error))
             return
-        told = tr("{count} avatars and kept grains of the file came in.", count=merge.added)
+        told = plural(
+            merge.added,
+            mark("{count} avatar or kept grain of the file came in."),
+            mark("{count} avatars and kept grains of the file came in."),
+        )
         if merge.in_both:
             labels = ", ".join(map(str, merge.in_both))
             told += " " + tr(

@@ -11,7 +11,7 @@ from mbstudio.ui.widgets.forms import empty, label
 from mbstudio.ui.widgets.numbers import readable_time
 from mbstudio.ui.workers import Report, Task, TaskQueue
 
-LANES = ("saving", "work", "preview")
+LANES = ("saving", "work", "preview", "looking")
 """Of the tasks that people know of; others build what is seen, and are over soon."""
 _STEPS = 1000
 

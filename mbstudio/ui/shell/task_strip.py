@@ -60,7 +60,7 @@ class TaskStrip(QWidget):
             self._refresh()
 
     def _shown(self) -> Task | None:
-        return self._queue.running() or self._queue.running("saving")
+        return next(filter(None, map(self._queue.running, ("work", "saving", "looking"))), None)
 
     def _report(self, report: Report) -> None:
         if report.fraction >= 0:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal
-from PySide6.QtGui import QGuiApplication
+from jaxtyping import Float
+from PySide6.QtCore import QEvent, QObject, QSize, Signal
 
 from mbstudio.core.grains import GrainSet
 from mbstudio.scene import Scene, View, camera
@@ -40,6 +40,8 @@ class SceneView(QObject):
         What the open station shows.
     factors_ready : signal (ShapeFactors or None, ShapeFactors or None)
         Factors of the chosen grain and its avatar.
+    entered : signal
+        Another station's layers are shown.
     drawn : signal
         The scene was changed and will be rendered.
     slices_changed : signal
@@ -62,11 +64,14 @@ class SceneView(QObject):
         Voxels that the flat slices mark.
     fitted : signal
         All that is shown was brought into the picture.
+    shows_suspicion : bool
+        Whether the overview is coloured by how suspicious grains are.
     picking : bool
         Whether a click chooses what lies under it; a tool that takes clicks itself switches it off.
     """
 
     factors_ready = Signal(object, object)
+    entered = Signal()
     drawn = Signal()
     slices_changed = Signal()
     avatar_moved = Signal(int, object)
@@ -99,8 +104,10 @@ class SceneView(QObject):
         workspace.grains_changed.connect(self._grains_changed)
         workspace.selection_changed.connect(self._selection_changed)
         workspace.fits_changed.connect(self._fits_changed)
+        self._offers = studio.offers
+        self.shows_suspicion = False
+        studio.offers.suspects_changed.connect(self._show_suspicion)
         theme.changed.connect(self._theme_changed)
-        viewport.clicked.connect(self._clicked)
         viewport.scaled.connect(self.scene.set_pixel_ratio)
         viewport.moving.connect(self._camera_moving)
         viewport.installEventFilter(self)
@@ -115,6 +122,7 @@ class SceneView(QObject):
         if "avatars" in display.kept_built:
             self.surfaces.build_avatars()
         self.arrange()
+        self.entered.emit()
 
     @property
     def has_content(self) -> bool:
@@ -146,9 +154,38 @@ class SceneView(QObject):
         self.fitted.emit()
         self.draw()
 
+    def frame(self, points: Float[np.ndarray, "m 3"], room: float = 1.0) -> None:
+        """Bring points (x, y, z) into the picture, with `room` times their size around them."""
+        self.scene.frame(points, room)
+        self.draw()
+
+    def centre(self, point: Float[np.ndarray, "3"]) -> None:
+        """Move a point (x, y, z) into the middle of the picture."""
+        self.scene.centre(point)
+        self.draw()
+
     def look_from(self, view: View) -> None:
         """Turn to a preset view."""
         self.scene.look_from(view)
+        self.draw()
+
+    def colour_by_suspicion(self, on: bool) -> None:
+        """Colour the grains of the overview by how suspicious they are, or each by its own colour."""
+        self.shows_suspicion = on
+        self._show_suspicion()
+
+    def _show_suspicion(self) -> None:
+        grains = self.workspace.state.grains
+        if self.shows_suspicion and grains is not None:
+            accepted = grains.accepted_labels
+            scores = {
+                label: 0.0 if label in accepted else one.score for label, one in self._offers.suspects.items()
+            }
+        elif self.scene.layers.grains.scores is None:
+            return
+        else:
+            scores = None
+        self.scene.layers.grains.set_scores(scores)
         self.draw()
 
     def set_opacity(self, layer: str, opacity: float) -> None:
@@ -181,6 +218,15 @@ class SceneView(QObject):
         slices = self.scene.layers.slices.planes
         if slices is not None and slices.index[axis] != index:
             slices.move(axis, index)
+            self._slices_moved()
+
+    def move_slices(self, places: Mapping[Axis, int]) -> None:
+        """Cut the scan elsewhere across several axes."""
+        slices = self.scene.layers.slices.planes
+        moved = {} if slices is None else {a: i for a, i in places.items() if slices.index[a] != i}
+        if slices is not None and moved:
+            for axis, index in moved.items():
+                slices.move(axis, index)
             self._slices_moved()
 
     def switch_slice(self, axis: Any, shown: bool) -> None:
@@ -249,6 +295,7 @@ class SceneView(QObject):
             self._cut_slices()
             view = self._first_view()
         self.surfaces.build_grains()
+        self.surfaces.build_others()
         self._outline_grains()
         if view is not None:
             self._cut_through(self.workspace.selected or self._middle_grain())
@@ -297,7 +344,6 @@ class SceneView(QObject):
 
     def _selection_changed(self) -> None:
         self.scene.select(self.workspace.selected, self.workspace.chosen)
-        self._cut_through(self.workspace.selected)
         self.surfaces.build_others()
         self._build_chosen()
         self.arrange()
@@ -320,16 +366,6 @@ class SceneView(QObject):
     def _theme_changed(self) -> None:
         self.scene.set_theme(self.theme.scene)
         self.draw()
-
-    def _clicked(self, x: float, y: float) -> None:
-        layers = self.scene.layers
-        if self.picking and (layers.grains.is_shown or layers.avatars.is_shown):
-            label = self.scene.label_at(x, y)
-            adding = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
-            if not QGuiApplication.keyboardModifiers() & adding:
-                self.workspace.select(label)
-            elif label is not None:
-                self.workspace.toggle([label])
 
     @property
     def room(self) -> QSize:

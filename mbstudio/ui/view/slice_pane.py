@@ -30,6 +30,7 @@ Outline = tuple[Float[np.ndarray, "m 2 2"], str]
 """Lines (start and end as column and row of voxels) and their colour."""
 
 MARGIN = 6  # pixels around the picture
+CLICK = 4.0  # pixels that the mouse may move between press and release of a click
 LARGEST_ZOOM = 40.0
 
 
@@ -71,6 +72,10 @@ class SlicePane(QWidget):
         It is to be as large as the view, or as small as before.
     freed : signal ()
         Esc was pressed, and nobody else took it.
+    picked : signal (float, float)
+        This voxel (column, row) was clicked, and the mouse did not move meanwhile.
+    menu_asked : signal (float, float, QPoint)
+        It was clicked with the right button; the place on the screen.
     is_taken : bool
         Whether a tool takes the left button.
     box : PaneBox
@@ -88,6 +93,8 @@ class SlicePane(QWidget):
     zoomed = Signal()
     enlarged = Signal()
     freed = Signal()
+    picked = Signal(float, float)
+    menu_asked = Signal(float, float, object)
 
     def __init__(self, title: str, across: str) -> None:
         super().__init__()
@@ -100,6 +107,7 @@ class SlicePane(QWidget):
         self._colours = ("#888888", "#888888", "#888888", "#000000")
         self._zoom, self._shift = 1.0, QPointF()
         self._last: QPointF | None = None
+        self._pressed: QPointF | None = None
         self.is_taken = False
         self._marks: list[tuple[float, float]] = []
         self.box = PaneBox(self.place_of)
@@ -337,7 +345,7 @@ class SlicePane(QWidget):
         self.zoomed.emit()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        self._last = event.position()
+        self._last = self._pressed = event.position()
         if event.button() != Qt.MouseButton.LeftButton:
             return
         if self.is_taken:
@@ -374,12 +382,25 @@ class SlicePane(QWidget):
             self.pointed.emit(*voxel)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if not (self.is_taken and event.button() == Qt.MouseButton.LeftButton) and not self.box.is_held:
+            self._tell_click(event)
         self._last = None
         self.box.drop()
         if self.is_taken and event.button() == Qt.MouseButton.LeftButton:
             self._trail.end()
             self.update()
             self.stroke_ended.emit()
+
+    def _tell_click(self, event: QMouseEvent) -> None:
+        """Tell a click that moved nothing."""
+        pressed, self._pressed = self._pressed, None
+        voxel = self.voxel_at(event.position())
+        if pressed is None or voxel is None or (event.position() - pressed).manhattanLength() > CLICK:
+            return
+        if event.button() == Qt.MouseButton.LeftButton:
+            self.picked.emit(*voxel)
+        elif event.button() == Qt.MouseButton.RightButton:
+            self.menu_asked.emit(*voxel, event.globalPosition().toPoint())
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         if self.is_taken:

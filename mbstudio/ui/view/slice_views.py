@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import QEvent, QObject
+from PySide6.QtCore import QEvent, QObject, QPoint
 from PySide6.QtWidgets import QLabel
 
 from mbstudio.scene.layers.annotations import readable_length
@@ -13,6 +13,7 @@ from mbstudio.scene.section_lines import section_lines
 from mbstudio.scene.tools.slice_grip import SliceGrip
 from mbstudio.ui.language import tr
 from mbstudio.ui.studio import Studio
+from mbstudio.ui.view.grain_focus import ROOM, GrainFocus
 from mbstudio.ui.view.pane_box import Ends
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.view.slice_dock import PLANES, SliceDock, axes_of
@@ -31,6 +32,8 @@ class SliceViews(QObject):
     ----------
     studio : Studio
     view : SceneView
+    focus : GrainFocus
+        Takes clicks on grains.
 
     Attributes
     ----------
@@ -53,9 +56,9 @@ class SliceViews(QObject):
         What lies under the mouse, for the status bar.
     """
 
-    def __init__(self, studio: Studio, view: SceneView) -> None:
+    def __init__(self, studio: Studio, view: SceneView, focus: GrainFocus) -> None:
         super().__init__(studio)
-        self._studio, self._view = studio, view
+        self._studio, self._view, self._focus = studio, view, focus
         self.panes = SliceDock(studio.theme)
         self._panes = self.panes.panes
         self.frame = DockFrame(
@@ -82,6 +85,7 @@ class SliceViews(QObject):
         studio.viewport.hovered.connect(self._hovered)
         self._view.slices_changed.connect(self.refresh)
         self._view.part_changed.connect(self._show_part)
+        focus.region_asked.connect(self._zoom_to)
         studio.workspace.scan_changed.connect(lambda: self.readout.clear())
         for plane, across in PLANES:
             pane, (first, second) = self._panes[across], axes_of(plane)
@@ -90,6 +94,10 @@ class SliceViews(QObject):
             pane.pointed.connect(lambda c, r, a=first, b=second, own=across: self._pointed({a: c, b: r}, own))
             pane.left.connect(self.readout.clear)
             pane.windowed.connect(self._widen)
+            pane.picked.connect(lambda c, r, a=first, b=second, own=across: self._pick({a: c, b: r}, own))
+            pane.menu_asked.connect(
+                lambda c, r, place, a=first, b=second, own=across: self._open_menu({a: c, b: r}, own, place)
+            )
             pane.stroked.connect(
                 lambda c, r, begun, a=first, b=second, own=across: self._stroke({a: c, b: r}, own, begun)
             )
@@ -342,6 +350,34 @@ class SliceViews(QObject):
         if slices is not None and tool is not None:
             voxel = {axis: round(place) for axis, place in places.items()} | {across: slices.index[across]}
             tool.stroke((voxel["z"], voxel["y"], voxel["x"]), "zyx".index(across), begun)
+
+    def _label_at(self, places: dict[Axis, float], across: Axis) -> int | None:
+        slices = self._view.scene.layers.slices.planes
+        if slices is None:
+            return None
+        voxel = {axis: round(place) for axis, place in places.items()} | {across: slices.index[across]}
+        return self._focus.label_at((voxel["z"], voxel["y"], voxel["x"]))
+
+    def _pick(self, places: dict[Axis, float], across: Axis) -> None:
+        """Choose the grain that was clicked; a click in the void moves the lines alone."""
+        label = self._label_at(places, across)
+        if label is not None:
+            self._focus.take(label)
+
+    def _open_menu(self, places: dict[Axis, float], across: Axis, place: QPoint) -> None:
+        self._studio.grain_menu.open(self._label_at(places, across), place)
+
+    def _zoom_to(self, region: dict[Axis, tuple[int, int]]) -> None:
+        """Show a part of the scan large in all panes, at one scale."""
+        slices = self._view.scene.layers.slices.planes
+        if slices is None:
+            return
+        size = {axis: ROOM * (high - low) * slices.spacing(axis) for axis, (low, high) in region.items()}
+        sides = [(self._panes[own], *axes_of(plane)) for plane, own in PLANES]
+        scale = min(min(p.width() / size[a], p.height() / size[b]) for p, a, b in sides)
+        for pane, first, second in sides:
+            column, row = (0.5 * (sum(region[axis]) - 1) for axis in (first, second))
+            pane.zoom_to(scale, column, row)
 
     def _end_stroke(self) -> None:
         if self._view.slice_tool is not None:

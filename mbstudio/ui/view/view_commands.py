@@ -7,7 +7,9 @@ from functools import partial
 from mbstudio.scene import VIEWS, View, switched_layers
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.view.grain_focus import GrainFocus
 from mbstudio.ui.view.scene_view import SceneView
+from mbstudio.ui.workspace import Workspace
 
 _FROM: dict[View, tuple[str, str]] = {
     "isometric": (mark("View: isometric"), mark("Look from an upper corner")),
@@ -65,3 +67,37 @@ def view_commands(view: SceneView) -> list[Command]:
         for number, (layer, kind) in enumerate(switched_layers().items())
     ]
     return [fit, *cameras, *layers]
+
+
+def focus_commands(space: Workspace, focus: GrainFocus) -> list[Command]:
+    """Return the commands that bring the chosen grains before the eyes."""
+
+    def has_choice() -> bool:
+        return bool(space.chosen)
+
+    return [
+        Command(
+            id="view.isolate",
+            title=tr("Show the chosen grains alone"),
+            run=focus.isolate,
+            menu="View",
+            shortcut="I",
+            icon="ph.circle-dashed",
+            tip=tr("Hide all other grains; press again to show them"),
+            enabled=lambda: has_choice() or focus.isolated,
+            checked=lambda: focus.isolated,
+            separated=True,
+            is_about_grains=True,
+        ),
+        Command(
+            id="view.zoom_to_grain",
+            title=tr("Zoom to the chosen grains"),
+            run=focus.zoom,
+            menu="View",
+            shortcut="Z",
+            icon="ph.magnifying-glass-plus",
+            tip=tr("Show the chosen grains large, in the view and in the slices"),
+            enabled=has_choice,
+            is_about_grains=True,
+        ),
+    ]

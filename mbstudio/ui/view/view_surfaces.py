@@ -8,9 +8,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
+from mbstudio.core.grains import GrainSet
 from mbstudio.core.imaging import FitResult
 from mbstudio.core.metrics import ShapeFactors, measure
 from mbstudio.scene import Scene
+from mbstudio.scene.grain_overview import GrainOverview
 from mbstudio.scene.grain_surfaces import MOST_OF_ONE, overview_of_grains, surface_of_grain
 from mbstudio.scene.layers.deviation_map import deviation_surface
 from mbstudio.scene.layers.volume import largest_texture, volume_voxels
@@ -74,14 +76,24 @@ class ViewSurfaces(QObject):
         self._overview, self._volume = DETAIL[kind]
         self._most, self._most_of_one = TRIANGLES[kind]
         self._factors: dict[int, ShapeFactors] = {}
+        self._drawn: GrainOverview | None = None
         self._shown_grain: int | None = None
         self._shown_family: object = None
         self._deviating: tuple[object, object] | None = None
 
     def build_grains(self) -> None:
-        """Build the overview of all grains."""
-        grains = self._workspace.state.grains
+        """Build the overview of all grains; after corrections anew only where something was corrected."""
+        grains, drawn = self._workspace.state.grains, self._drawn
+        if grains is not None and drawn is not None and drawn.follows(grains):
+            before = drawn.grains
+            self._factors = {k: known for k, known in self._factors.items() if grains.shares_body(before, k)}
+            if not grains.changed_since(before):
+                self._drawn = drawn.updated(grains)
+                return
+            self._build_overview(grains, lambda: drawn.updated(grains))
+            return
         self._factors.clear()
+        self._drawn = None
         # Corrected by hand, they are shown as they were until they are built anew: no blank view meanwhile.
         family = None if grains is None else (grains.label_volume.family, grains.voxel_size)
         if family is None or family != self._shown_family:
@@ -89,13 +101,16 @@ class ViewSurfaces(QObject):
             self._scene.layers.grains.set_chosen(None)
         self._shown_family = family
         if grains is not None:
-            self._build(
-                "grains",
-                tr("Drawing the grains"),
-                lambda: overview_of_grains(grains, self._overview, self._most),
-                lambda surface: self._scene.layers.grains.set(surface, grains.unit),
-                lambda: grains is self._workspace.state.grains,
-            )
+            self._build_overview(grains, lambda: GrainOverview.of(grains, self._overview, self._most))
+
+    def _build_overview(self, grains: GrainSet, make: Callable[[], GrainOverview]) -> None:
+        def show(overview: GrainOverview) -> None:
+            self._drawn = overview
+            self._scene.layers.grains.set(overview.surface, grains.unit)
+
+        self._build(
+            "grains", tr("Drawing the grains"), make, show, lambda: grains is self._workspace.state.grains
+        )
 
     def build_volume(self) -> None:
         """Build the scan, or what is cut in its place, as a cloud, if it is not there."""

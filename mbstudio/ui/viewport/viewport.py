@@ -38,6 +38,8 @@ class Viewport(QWidget):
     plotter : pyvista.BasePlotter
     clicked : signal (float, float)
         A click that turned nothing, in pixels of the picture from its lower left corner.
+    menu_asked : signal (float, float, QPoint)
+        A click of the right button that turned nothing, in the same pixels, and its place on the screen.
     hovered : signal (float, float)
         The mouse is there, and no button is held.
     moving : signal (bool)
@@ -50,6 +52,7 @@ class Viewport(QWidget):
 
     kind: ClassVar[str] = ""
     clicked = Signal(float, float)
+    menu_asked = Signal(float, float, object)
     hovered = Signal(float, float)
     moving = Signal(bool)
     scaled = Signal(float)
@@ -59,7 +62,7 @@ class Viewport(QWidget):
         super().__init__(parent)
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(0, 0, 0, 0)
-        self._pressed: QPointF | None = None
+        self._pressed: dict[Qt.MouseButton, QPointF] = {}
         self.grips: list[Grip] = []
         self._held: Grip | None = None
         # Many changes of one turn of the event loop make one picture.
@@ -86,16 +89,20 @@ class Viewport(QWidget):
         self._render_soon.stop()
 
     def watch_clicks(self, event: QEvent) -> None:
-        """Look at an event of the drawing widget and emit `clicked` for a plain left click."""
-        if not isinstance(event, QMouseEvent) or event.button().name != "LeftButton":
+        """Look at an event of the drawing widget and tell plain clicks of the left and the right button."""
+        if not isinstance(event, QMouseEvent):
             return
+        button = event.button()
         if event.type() == QEvent.Type.MouseButtonPress:
-            self._pressed = event.position()
-        elif event.type() == QEvent.Type.MouseButtonRelease and self._pressed is not None:
-            moved = event.position() - self._pressed
-            self._pressed = None
-            if moved.manhattanLength() <= CLICK:
+            self._pressed[button] = event.position()
+        elif event.type() == QEvent.Type.MouseButtonRelease and button in self._pressed:
+            moved = event.position() - self._pressed.pop(button)
+            if moved.manhattanLength() > CLICK:
+                return
+            if button == Qt.MouseButton.LeftButton:
                 self.clicked.emit(*self.pixel(event.position()))
+            elif button == Qt.MouseButton.RightButton:
+                self.menu_asked.emit(*self.pixel(event.position()), event.globalPosition().toPoint())
 
     def pixel(self, place: QPointF) -> tuple[float, float]:
         """Return the picture's pixel under a place of the widget, from the lower left corner."""

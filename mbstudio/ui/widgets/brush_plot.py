@@ -64,10 +64,13 @@ class BrushBox(pg.ViewBox):
         An outline was drawn, in the axes' coordinates; whether to add to what is chosen.
     touched : signal (QPointF, bool)
         A click, in the axes' coordinates; whether to add.
+    menu_asked : signal (QPointF, QPoint)
+        A click of the right button, in the axes' coordinates and on the screen.
     """
 
     outlined = Signal(object, bool)
     touched = Signal(object, bool)
+    menu_asked = Signal(object, object)
 
     def __init__(self, across: bool = False) -> None:
         super().__init__(enableMenu=False)
@@ -110,6 +113,9 @@ class BrushBox(pg.ViewBox):
         if ev.button() == Qt.MouseButton.LeftButton:
             ev.accept()
             self.touched.emit(self.mapToView(ev.pos()), bool(ev.modifiers() & _ADDING))
+        elif ev.button() == Qt.MouseButton.RightButton:
+            ev.accept()
+            self.menu_asked.emit(self.mapToView(ev.pos()), ev.screenPos().toPoint())
 
 
 class BrushPlot(Plot):
@@ -124,9 +130,12 @@ class BrushPlot(Plot):
     ----------
     brushed : signal (list of int, bool)
         Labels chosen in the plot, and whether to add them to those chosen already.
+    menu_asked : signal (int or None, QPoint)
+        Label of the point that was clicked with the right button, and the place on the screen.
     """
 
     brushed = Signal(object, bool)
+    menu_asked = Signal(object, object)
 
     def __init__(self, theme: Theme, name: str, across: bool = False) -> None:
         self.box = BrushBox(across)
@@ -151,6 +160,7 @@ class BrushPlot(Plot):
         )
         self.box.outlined.connect(self._take_outline)
         self.box.touched.connect(self._take_touch)
+        self.box.menu_asked.connect(lambda place, screen: self.menu_asked.emit(self._nearest(place), screen))
         self.repaint_theme()
 
     # ---- what is shown -------------------------------------------------------------------------
@@ -228,6 +238,12 @@ class BrushPlot(Plot):
             self.brushed.emit(sorted(found), adding)
 
     def _take_touch(self, place: QPointF, adding: bool) -> None:
+        nearest = self._nearest(place)
+        if nearest is not None or not adding:
+            self.brushed.emit([] if nearest is None else [nearest], adding)
+
+    def _nearest(self, place: QPointF) -> int | None:
+        """Return the label of the point that a click means, or None."""
         wide, high = self.box.viewPixelSize()
         nearest, least = None, REACH
         for _, (label, x, y) in self._linked_points():
@@ -235,8 +251,7 @@ class BrushPlot(Plot):
             distance = float(np.hypot((x - place.x()) / wide, dy))
             if distance <= least:
                 nearest, least = label, distance
-        if nearest is not None or not adding:
-            self.brushed.emit([] if nearest is None else [nearest], adding)
+        return nearest
 
     def keyPressEvent(self, ev: QKeyEvent) -> None:
         step = {Qt.Key.Key_Right: 1, Qt.Key.Key_Left: -1}.get(Qt.Key(ev.key()))

@@ -109,7 +109,7 @@ def test_what_cannot_be_read_is_told_by_name(stones, tmp_path):
     assert "7 bytes" in failed[0][1]
     with pytest.raises(MeshError, match=r"bad\.stl"):
         grain_set_from_meshes(stones, 20, "mm")
-    with pytest.raises(MeshError, match="None of the 1 files"):
+    with pytest.raises(MeshError, match="None of 1 file"):
         grain_set_from_meshes([stones / "bad.stl"], 20, "mm", on_failure=lambda *_: None)
     with pytest.raises(UnitError, match=r"stone0\.ply does not contain its unit"):
         grain_set_from_meshes([stones / "stone0.ply", stones / "stone1.stl"], 20)

@@ -186,7 +186,7 @@ def test_a_project_with_other_grains_takes_nothing(path, rng, state):
     labels[0, 0, 0] = 2
     write_project(path, replace(state, fits={}, grains=replace(state.grains, label_volume=labels)))
     project, told = opened(path)
-    assert "holds 1 avatars of other grains than the project's" in told
+    assert "holds 1 avatar of other grains than the project's" in told
     assert not project.fits
     # It is in nobody's way, and not lost.
     project.hold("a test")
@@ -207,7 +207,7 @@ def test_a_file_that_was_written_since_keeps_its_avatars(path, rng):
     theirs.save()
     project, told = opened(path)
     assert "was written since" in told
-    assert "1 grains that had none came in" in told
+    assert "1 came in for grains without one" in told
     assert_same(saved, project.fits[2])
     assert 7 in project.fits
     # Going on and being killed again does not bring back what was left behind.

@@ -93,7 +93,7 @@ def test_what_another_program_has_written_is_merged(window, idle, path, said):
     idle()
     assert card.isHidden()
     assert sorted(Project.open(path).fits) == [1, 2]
-    assert any("1 avatars and kept grains of the file came in" in text for _, text in said)
+    assert any("1 avatar or kept grain of the file came in" in text for _, text in said)
     assert not window.workspace.is_modified
     assert window.workspace.undo_title == "Merge with the file"
 

@@ -124,7 +124,7 @@ def test_a_killed_window_leaves_what_was_finished_with_the_autosave_where_there_
     window.shell.restore(left)
     idle()
     assert label in window.workspace.state.fits
-    assert "1 avatars. Save it" in messages()
+    assert "1 avatar. Save it" in messages()
     window.shell.autosaves.write_now()
     idle()
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Grains = TypeVar("Grains", bound="EditableGrains")
 
-_ALSO_OF_MESHES = (records.Delete, records.Exclude, records.Include)
+_ALSO_OF_MESHES = (records.Delete, records.Exclude, records.Include, records.Accept)
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class EditableGrains:
             meshes=self._meshes_left(bench.gone),
             edits=(*self.edits, done),
             last_label=max(self.last_label, *new, 0),
-            verdict=self._verdict_after(table),
+            verdict=self.verdict if done.is_remark else self._verdict_after(table),
             stamps=MappingProxyType(stamps),
         )
         return EditOutcome(
@@ -183,6 +183,10 @@ class EditableGrains:
     def included(self, labels: Iterable[int]) -> Self:
         """Take grains in again that were excluded."""
         return self._edited(records.Include(labels=labels_of(labels)))
+
+    def accepted(self, labels: Iterable[int]) -> Self:
+        """Mark grains as looked at and right, until they change: see `suspicion`."""
+        return self._edited(records.Accept(labels=labels_of(labels)))
 
     def painted(
         self,

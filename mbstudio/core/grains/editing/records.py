@@ -32,10 +32,13 @@ class Edit(ABC):
         The grains that it is about, by the numbers that they had.
     anchors : tuple of (z, y, x)
         A voxel inside each of them, as they were before.
+    is_remark : bool
+        Whether it says something of grains and changes nothing about them.
     """
 
     kind: ClassVar[str]
     title: ClassVar[str]
+    is_remark: ClassVar[bool] = False
     labels: tuple[int, ...] = ()
     anchors: tuple[Voxel, ...] = ()
 
@@ -151,6 +154,19 @@ class Include(Edit):
     def make(self, bench: Workbench) -> Edit:
         done = self._anchored(bench)
         bench.set_excluded(self.labels, False)
+        return done
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accept(Edit):
+    """Marks grains as looked at and right: they are not shown as suspicious until they change."""
+
+    kind, title = "accept", mark("Accept grains")
+    is_remark = True
+
+    def make(self, bench: Workbench) -> Edit:
+        done = self._anchored(bench)
+        bench.accept(self.labels)
         return done
 
 
@@ -273,7 +289,7 @@ class NewGrain(Edit):
 KINDS: Mapping[str, type[Edit]] = {
     kind.kind: kind
     for kind in (
-        Merge, Split, SplitAlong, Delete, Exclude, Include, Paint, Erase, Fill, Grow, Shrink, Smooth,
+        Merge, Split, SplitAlong, Delete, Exclude, Include, Accept, Paint, Erase, Fill, Grow, Shrink, Smooth,
         FillHoles, NewGrain,
     )
 }  # fmt: skip

@@ -79,6 +79,7 @@ class Workbench:
         self._boxes: dict[int, Box] = {}
         self._rows: dict[int, dict[str, Any]] = {}
         self._flags: dict[int, bool] = {}
+        self._accepted: set[int] = set()
         self._touched: set[int] = set()
 
     # ---- reading -------------------------------------------------------------------------------
@@ -220,6 +221,10 @@ class Workbench:
             return False
         return bool(self.table.loc[self._labels == label, "excluded"].any())
 
+    def accept(self, labels: Iterable[int]) -> None:
+        """Mark grains as looked at and right; a grain that changes loses the mark."""
+        self._accepted.update(labels)
+
     def settled_table(self) -> pd.DataFrame:
         """Return the table of the grains as they are now."""
         import pandas as pd  # imported late: it takes a third of a second
@@ -242,6 +247,11 @@ class Workbench:
             for flag in (True, False):
                 column[np.isin(labels, [label for label, given in flags.items() if given is flag])] = flag
             table = table.assign(excluded=column)
+        if self._accepted:
+            marked = table["label"].isin(self._accepted).to_numpy()
+            if "accepted" in table:
+                marked = marked | table["accepted"].to_numpy()
+            table = table.assign(accepted=marked)
         return table
 
     # ---- settling ------------------------------------------------------------------------------
@@ -324,6 +334,7 @@ class Workbench:
             "z": float(z),
             "touches_border": self._is_cut(mask, box),
             "excluded": self.is_excluded(label),
+            "accepted": False,
         }
         self.gone.discard(label)
         self.changed.add(label)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import edt
 import numpy as np
@@ -22,7 +22,39 @@ _LEAST_DEPTH = 0.5  # voxels; see segmentation
 _LEAST_PART = 0.1  # of the volume: smaller parts are bumps
 _NECKS = np.linspace(0.4, 0.99, 60)
 _LEAST_SHARED = 0.05
+_MOST_NEIGHBOURS = 3
+_USUAL_GROOVE = 0.16  # of grains that touch; taken where too little of the surface is seen
 _LONGEST = 48  # voxels along an edge at which hulls are made; larger grains are thinned
+
+
+@dataclass(frozen=True)
+class PairMeasures:
+    """What a grain looks like beside a neighbour; shares and ratios.
+
+    Attributes
+    ----------
+    neighbour : int
+        The other grain; 0 for none.
+    shared : float
+        Share of the grain's border at the neighbour.
+    waist : float
+        Radius of the largest ball of both together about their border, over that of the largest ball in the
+        smaller one: where two grains touch it is small.
+    joint_solidity : float
+        Solidity of both together over the mean of theirs.
+    groove : float
+        How much more solid lies about the rim of their border than about other places of their surface:
+        grains that touch have a groove there, parts of one grain have none.
+    border_contrast : float
+        How much darker the border is than both grains, over the contrast to void; 0 without a scan.
+    """
+
+    neighbour: int = 0
+    shared: float = 0.0
+    waist: float = 0.0
+    joint_solidity: float = 0.0
+    groove: float = 0.0
+    border_contrast: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -37,26 +69,14 @@ class GrainMeasures:
         Width of the narrowest neck against the smaller of the parts that it joins; 1 where there is none.
     inner_contrast : float
         How much darker the neck is than the parts, over the contrast to void; 0 without a scan.
-    neighbour : int
-        The grain that it shares most of its border with; 0 for none.
-    shared : float
-        Share of its border at that neighbour.
-    contact : float
-        Radius of that contact against the radius of the largest ball in the smaller of the two.
-    joint_solidity : float
-        Solidity of both together over the mean of theirs; 0 where they hardly touch.
-    border_contrast : float
-        How much darker the border to that neighbour is than both, as `inner_contrast`; 0 without a scan.
+    pairs : tuple of PairMeasures
+        With the neighbours that share most of its border.
     """
 
     solidity: float
     neck: float
     inner_contrast: float
-    neighbour: int
-    shared: float
-    contact: float
-    joint_solidity: float
-    border_contrast: float
+    pairs: tuple[PairMeasures, ...] = ()
 
 
 class GrainMeasuring:
@@ -79,6 +99,7 @@ class GrainMeasuring:
         shortest = min(voxel_size.zyx)
         self._size = tuple(edge / shortest for edge in voxel_size.zyx)
         self._alone: dict[int, tuple[float, float]] = {}
+        self._together: dict[tuple[int, int], PairMeasures] = {}
 
     def measure(self, label: int) -> GrainMeasures:
         """Return what a grain looks like."""
@@ -86,39 +107,41 @@ class GrainMeasuring:
         labels = self._volume.read(box)
         inside = labels == label
         distance = self._distance(inside)
-        grey = self._smoothed_grey(box)
         neck, halves = _narrowest_neck(distance)
+        grey = self._smoothed_grey(box)
         inner = self._contrast(grey, labels, inside, _between(halves)) if halves is not None else 0.0
-        neighbour, shared, faces = _main_neighbour(labels, inside)
-        contact, joint, border = 0.0, 0.0, 0.0
-        if neighbour and shared >= _LEAST_SHARED:
-            contact, joint, border = self._compare(label, neighbour, faces)
-        return GrainMeasures(
-            self._solidity_of(label, inside, distance)[0],
-            neck,
-            inner,
-            neighbour,
-            shared,
-            contact,
-            joint,
-            border,
-        )
+        solidity = self._solidity_of(label, inside, distance)[0]
+        pairs = [
+            replace(self._pair(label, neighbour), neighbour=neighbour, shared=share)
+            for neighbour, share in _neighbours(labels, inside)
+        ]
+        return GrainMeasures(solidity, neck, inner, tuple(pairs))
 
-    def _compare(self, label: int, neighbour: int, faces: int) -> tuple[float, float, float]:
-        """Return contact, joint solidity and border contrast of a grain and its neighbour."""
+    def _pair(self, label: int, neighbour: int) -> PairMeasures:
+        """Return what holds of two grains alike, looked at once."""
+        key = (min(label, neighbour), max(label, neighbour))
+        if key not in self._together:
+            self._together[key] = self._compare(*key)
+        return self._together[key]
+
+    def _compare(self, label: int, neighbour: int) -> PairMeasures:
+        """Return what holds of two grains alike."""
         one, other = self._boxes[label], self._boxes[neighbour]
         z, y, x = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True))
         box = widened((z, y, x), _MARGIN, self._volume.shape)
         labels = self._volume.read(box)
         first, second = labels == label, labels == neighbour
+        both = first | second
         solidity, radius = self._solidity_of(label, first)
         other_solidity, other_radius = self._solidity_of(neighbour, second)
-        # Faces of voxels overstate the area of a slanting plane by about half.
-        contact = math.sqrt(faces / (1.5 * math.pi)) / max(min(radius, other_radius), 1.0)
-        joint = 2.0 * _solidity(first | second) / max(solidity + other_solidity, 1e-6)
+        least = max(min(radius, other_radius), 1.0)
         meeting = (ndimage.binary_dilation(first) & second) | (ndimage.binary_dilation(second) & first)
-        border = self._contrast(self._smoothed_grey(box), labels, first | second, meeting)
-        return contact, joint, border
+        return PairMeasures(
+            waist=float(self._distance(both)[meeting].max(initial=0.0)) / least,
+            joint_solidity=2.0 * _solidity(both) / max(solidity + other_solidity, 1e-6),
+            groove=_groove(both, labels == 0, meeting, least),
+            border_contrast=self._contrast(self._smoothed_grey(box), labels, both, meeting),
+        )
 
     def _solidity_of(
         self,
@@ -207,10 +230,10 @@ def _between(parts: Int[np.ndarray, "z y x"]) -> Bool[np.ndarray, "z y x"]:
     return between
 
 
-def _main_neighbour(
+def _neighbours(
     labels: Int[np.ndarray, "z y x"], inside: Bool[np.ndarray, "z y x"]
-) -> tuple[int, float, int]:
-    """Return the grain that shares most faces with one, its share of all faces, and their number."""
+) -> list[tuple[int, float]]:
+    """Return the grains that share most faces with one, and their shares of all its faces."""
     met = []
     for axis in range(3):
         for step in (1, -1):
@@ -222,10 +245,28 @@ def _main_neighbour(
             met.append(beside[exposed])
     faces = np.concatenate(met)
     others, counts = np.unique(faces[faces > 0], return_counts=True)
-    if not len(others):
-        return 0, 0.0, 0
-    most = int(counts.argmax())
-    return int(others[most]), float(counts[most] / len(faces)), int(counts[most])
+    most = np.argsort(-counts, kind="stable")[:_MOST_NEIGHBOURS]
+    shares = counts / max(len(faces), 1)
+    return [(int(others[k]), float(shares[k])) for k in most if shares[k] >= _LEAST_SHARED]
+
+
+def _groove(
+    both: Bool[np.ndarray, "z y x"],
+    void: Bool[np.ndarray, "z y x"],
+    meeting: Bool[np.ndarray, "z y x"],
+    radius: float,
+) -> float:
+    """Return how much more solid lies about the rim of a border than about other places of the surface."""
+    surface = ndimage.binary_dilation(void) & both
+    rim = surface & meeting
+    elsewhere = surface & ~ndimage.binary_dilation(meeting, iterations=3)
+    if np.count_nonzero(rim) < 5 or np.count_nonzero(elsewhere) < 20:
+        return _USUAL_GROOVE
+    width = max(1.0, 0.35 * radius)
+    solid = ndimage.gaussian_filter(both.astype(np.float32), width)
+    known = ndimage.gaussian_filter((both | void).astype(np.float32), width)
+    share = solid / np.maximum(known, 1e-3)
+    return float(share[rim].mean() - np.median(share[elsewhere]))
 
 
 def _solidity(mask: Bool[np.ndarray, "z y x"]) -> float:

@@ -19,6 +19,7 @@ _MOUSE = (
     (mark("Zoom"), mark("wheel")),
     (mark("Choose a grain"), mark("click")),
     (mark("Add to the selection"), mark("Ctrl + click")),
+    (mark("What can be done with grains"), mark("right click")),
 )
 
 

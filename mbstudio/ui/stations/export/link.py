@@ -11,7 +11,7 @@ from mbstudio.core.populations.measuring import Known
 from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.scene.export_preview import PreviewSurfaces
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.export.display import ExportDisplay
 from mbstudio.ui.stations.export.own_sizes import kinds_of, seconds_for, unmeasured
 from mbstudio.ui.stations.export.panel import ExportPanel
@@ -309,7 +309,13 @@ class ExportLink(QObject):
                 )
             )
         elif sketch.kinds < sketch.of:
-            words.append(tr("{count} avatars could not be measured.", count=sketch.of - sketch.kinds))
+            words.append(
+                plural(
+                    sketch.of - sketch.kinds,
+                    mark("{count} avatar could not be measured."),
+                    mark("{count} avatars could not be measured."),
+                )
+            )
         self._form.show_result(plan.curve, self._in_unit(found, grain), " ".join(words))
 
     @staticmethod

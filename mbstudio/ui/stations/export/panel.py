@@ -134,9 +134,13 @@ class ExportPanel(Panel):
         if kind in ("clones", "kept", "kept one"):
             return []
         if kind == "chosen":
-            chosen = self._workspace.selected
-            return [chosen] if chosen is not None and chosen in fits else []
+            return self.chosen_labels
         return [label for label, fit in fits.items() if kind != "valid" or fit.verdict.valid]
+
+    @property
+    def chosen_labels(self) -> list[int]:
+        """Labels of the chosen grains that have an avatar and are not excluded."""
+        return sorted(self._workspace.chosen & self._workspace.state.included_fits.keys())
 
     def chosen(self) -> ChosenAvatars:
         """Return the avatars that are to be written, by the names of their files."""
@@ -219,15 +223,18 @@ class ExportPanel(Panel):
 
     def refresh(self) -> None:
         """Offer what there is to export."""
-        fits, chosen = self._workspace.state.fits, self._workspace.selected
+        fits = self._workspace.state.included_fits
+        chosen = self.chosen_labels
         valid = sum(fit.verdict.valid for fit in fits.values())
         kind = self.selection.currentData() or "valid"
         self.selection.blockSignals(True)
         self.selection.clear()
         self.selection.addItem(tr("All valid ({count})", count=valid), "valid")
         self.selection.addItem(tr("All ({count})", count=len(fits)), "all")
-        if chosen in fits:
-            self.selection.addItem(tr("Grain {label}", label=chosen), "chosen")
+        if len(chosen) == 1:
+            self.selection.addItem(tr("Grain {label}", label=chosen[0]), "chosen")
+        elif chosen:
+            self.selection.addItem(tr("Chosen grains ({count})", count=len(chosen)), "chosen")
         if self._workspace.clones is not None:
             self.selection.addItem(tr("Clones ({count})", count=len(self._workspace.clones)), "clones")
             kind = "clones" if not fits else kind

@@ -17,7 +17,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.populations.measuring import Known
 from mbstudio.scene.export_preview import PreviewSurfaces, preview_surfaces
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.export.own_sizes import kinds_of, measure_sizes, unmeasured
 from mbstudio.ui.stations.export.work import ChosenAvatars
 from mbstudio.ui.workers import Control, Task, TaskQueue
@@ -118,7 +118,7 @@ class PreviewWork(QObject):
         if self.is_measuring or not avatars:
             return None
         task = Task(
-            tr("Measuring {count} avatars", count=len(avatars)),
+            plural(len(avatars), mark("Measuring {count} avatar"), mark("Measuring {count} avatars")),
             lambda control: measure_sizes(avatars, self._known, control.progress),
         )
         task.succeeded.connect(lambda _: self.sizes_known.emit())

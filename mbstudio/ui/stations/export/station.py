@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbstudio.ui.commands import Command
-from mbstudio.ui.language import mark, tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.export.display import ExportDisplay
 from mbstudio.ui.stations.export.link import ExportLink
 from mbstudio.ui.stations.export.panel import ExportPanel
@@ -39,6 +39,21 @@ class ExportStation(Station):
                 enabled=lambda: self.panel.is_ready,
                 separated=True,
             ),
+            Command(
+                id="export.chosen",
+                title=tr("Export chosen avatars…"),
+                run=self.export_chosen,
+                menu="Fit",
+                icon="ph.export",
+                tip=tr("Choose the avatars of the chosen grains at station Export"),
+                enabled=lambda: bool(self.panel.chosen_labels),
+                words=lambda: plural(
+                    len(self.panel.chosen_labels) or 1,
+                    mark("Export chosen avatar…"),
+                    mark("Export {count} chosen avatars…"),
+                ),
+                is_about_grains=True,
+            ),
         ]
 
     def wire(self) -> None:
@@ -51,6 +66,11 @@ class ExportStation(Station):
 
     def leave(self) -> None:
         self.link.left()
+
+    def export_chosen(self) -> None:
+        """Go to the export of the chosen grains' avatars."""
+        self.studio.enter(self.id)
+        self.panel.choose("chosen")
 
     def export(self) -> None:
         """Export as the panel says."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from mbstudio.ui.commands import Command
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.fit.link import FitLink
 from mbstudio.ui.stations.fit.panel import FitPanel
 from mbstudio.ui.stations.fit.sweep_dock import SweepDock
@@ -57,12 +57,14 @@ def _search(space: Workspace, work: FitWork, link: FitLink) -> list[Command]:
         Command(
             id="fit.grain",
             title=tr("Fit grain"),
-            run=link.fit_grain,
+            run=link.fit_chosen,
             menu="Fit",
             shortcut="Ctrl+F",
             icon="ph.play-circle",
-            tip=tr("Fit an avatar to the selected grain"),
-            enabled=lambda: space.selected is not None and not work.run.is_running,
+            tip=tr("Fit an avatar to each chosen grain"),
+            enabled=lambda: space.selected is not None and work.can_fit_chosen,
+            words=work.words_of_fit,
+            is_about_grains=True,
         ),
         Command(
             id="fit.all",
@@ -120,6 +122,10 @@ def sweep_commands(
         show(True)
         dock.start()
 
+    def open_for_chosen() -> None:
+        show(True)
+        dock.choose("chosen")
+
     def use_n() -> None:
         if dock.advice is not None:
             link.use_n(dock.advice)
@@ -135,6 +141,21 @@ def sweep_commands(
             tip=tr("Loss and errors of the selected grains against n, at station Fit"),
             enabled=lambda: space.state.grains is not None,
             checked=lambda: not frame.isHidden(),
+        ),
+        Command(
+            id="fit.sweep_chosen",
+            title=tr("Sweep over n of chosen grains…"),
+            run=open_for_chosen,
+            menu="Fit",
+            icon="ph.chart-line",
+            tip=tr("Choose the chosen grains for the sweep over n"),
+            enabled=lambda: bool(space.chosen) and not work.run.is_running,
+            words=lambda: plural(
+                len(space.chosen) or 1,
+                mark("Sweep over n of chosen grain…"),
+                mark("Sweep over n of {count} chosen grains…"),
+            ),
+            is_about_grains=True,
         ),
         Command(
             id="fit.start_sweep",

@@ -86,10 +86,14 @@ class FitLink(QObject):
 
     # ---- what the commands do --------------------------------------------------------------------
 
-    def fit_grain(self) -> None:
-        """Fit the chosen grain."""
-        if self._space.selected is not None and self._panel.take_target():
-            self._studio.enter("fit")
+    def fit_chosen(self) -> None:
+        """Fit the chosen grain before the eyes; many of them in the background, all at once."""
+        if self._space.selected is None or not self._panel.take_target():
+            return
+        self._studio.enter("fit")
+        if len(self._space.chosen) > 1:
+            self._work.fit_all(self._work.fittable())
+        else:
             self._work.fit(self._space.selected)
 
     def fit_all(self) -> None:

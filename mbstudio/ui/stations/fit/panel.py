@@ -20,7 +20,7 @@ from mbstudio.core.imaging import FitGoal, FitResult
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.fit.factors_table import FactorsTable
 from mbstudio.ui.stations.fit.words import reaches_goals
 from mbstudio.ui.stations.fit.work import FitWork
@@ -266,14 +266,19 @@ class FitPanel(Panel):
             self._facts.setText(facts)
         running = self._work.run.is_running
         self.fit_button.setVisible(not running)
-        again = label_ is not None and label_ in state.fits
-        self.fit_button.setText(tr("Fit grain again") if again else tr("Fit grain"))
+        self.fit_button.setText(self._work.words_of_fit())
         self._running.setVisible(running)
         self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
         self._going_on.setVisible(self._work.can_go_on(label_))
         left = len(self._work.unfitted())
         self.all_button.setText(
-            tr("Fit all {count} grains without an avatar", count=left) if left else tr("Fit all grains")
+            plural(
+                left,
+                mark("Fit the {count} grain without an avatar"),
+                mark("Fit all {count} grains without an avatar"),
+            )
+            if left
+            else tr("Fit all grains")
         )
         self._show_result(state.fits.get(label_) if label_ is not None else None)
 

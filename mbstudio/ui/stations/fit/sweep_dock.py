@@ -31,7 +31,7 @@ from mbstudio.core.imaging.sweep import (
     smallest_numbers,
 )
 from mbstudio.core.populations import PAPER_FACTORS
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.fit.sweep_plots import SweepPlot, draw_sweep, line_colours, title_of
 from mbstudio.ui.stations.fit.sweep_work import SweepWork
 from mbstudio.ui.theme import Theme
@@ -144,6 +144,7 @@ class SweepDock(QFrame):
         self.limit.valueChanged.connect(lambda _: self._show_rows())
         self.table.itemSelectionChanged.connect(self._choice_changed)
         self._work.rows_changed.connect(self._show_rows)
+        self.grains.currentIndexChanged.connect(lambda _: self._name_start())
         self._work.changed.connect(self.refresh)
         for signal in (self._workspace.selection_changed, self._workspace.grains_changed):
             signal.connect(self.refresh)
@@ -158,7 +159,11 @@ class SweepDock(QFrame):
             return []
         if self.grains.currentData() == "inside":
             return grains.interior_labels
-        return sorted(self._workspace.chosen)
+        return sorted(self._workspace.chosen - grains.excluded_labels)
+
+    def choose(self, which: str) -> None:
+        """Choose which grains are swept: 'chosen' or 'inside'."""
+        self.grains.setCurrentIndex(self.grains.findData(which))
 
     def start(self) -> None:
         """Begin to sweep, or say why not."""
@@ -178,16 +183,29 @@ class SweepDock(QFrame):
 
     def refresh(self) -> None:
         """Show which grains there are to sweep, and what can be done now."""
-        grains, running = self._workspace.state.grains, self._work.run.is_running
+        grains = self._workspace.state.grains
         inside = 0 if grains is None else len(grains.interior_labels)
+        excluded = frozenset() if grains is None else grains.excluded_labels
+        chosen = len(self._workspace.chosen - excluded)
         kind = self.grains.currentData() or "chosen"
         with QSignalBlocker(self.grains):
             self.grains.clear()
-            self.grains.addItem(tr("selected grains ({count})", count=len(self._workspace.chosen)), "chosen")
+            self.grains.addItem(tr("chosen grains ({count})", count=chosen), "chosen")
             self.grains.addItem(tr("all inside ({count})", count=inside), "inside")
             self.grains.setCurrentIndex(self.grains.findData(kind))
-        self.start_button.setText(tr("Sweeping …") if running else tr("Sweep"))
+        self._name_start()
         self._show_rows()
+
+    def _name_start(self) -> None:
+        """Say on the button how many grains would be swept."""
+        count = len(self.labels())
+        self.start_button.setText(
+            tr("Sweeping …")
+            if self._work.run.is_running
+            else plural(count, mark("Sweep {count} grain"), mark("Sweep {count} grains"))
+            if count
+            else tr("Sweep")
+        )
 
     # ---- what came of it -----------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from mbstudio.core.imaging import FitResult, start_fit
 from mbstudio.core.imaging.steps import FitRun, SearchStep
 from mbstudio.core.metrics import factor_intervals
 from mbstudio.scene.surfaces import avatar_surface, control_points
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.fit.words import (
     describe_fit,
     describe_fits,
@@ -265,6 +265,27 @@ class FitWork(Work):
         done = state.fits.keys() - state.changed_labels
         return [label for label in state.grains.interior_labels if label not in done]
 
+    def fittable(self) -> list[int]:
+        """Labels of the chosen grains that can be fitted: those that are not excluded."""
+        grains = self.workspace.state.grains
+        excluded = frozenset() if grains is None else grains.excluded_labels
+        return sorted(self.workspace.chosen - excluded)
+
+    @property
+    def can_fit_chosen(self) -> bool:
+        """Whether the chosen grains can be fitted now."""
+        if len(self.workspace.chosen) > 1:
+            return bool(self.fittable()) and not self.all_run.is_running
+        return not self.run.is_running
+
+    def words_of_fit(self) -> str:
+        """Return what fitting the chosen grains is called now."""
+        chosen, state = self.workspace.chosen, self.workspace.state
+        if len(chosen) > 1:
+            one, many = mark("Fit {count} chosen grain"), mark("Fit {count} chosen grains")
+            return plural(len(self.fittable()), one, many)
+        return tr("Fit grain again") if chosen and chosen <= state.fits.keys() else tr("Fit grain")
+
     def fit_all(self, labels: list[int] | None = None) -> Task | None:
         """Fit every grain inside the scan that has no avatar yet (or these), on all processors."""
         grains = self.workspace.state.grains
@@ -290,7 +311,7 @@ class FitWork(Work):
             return _count(items, arrived, keep)
 
         task = Task(
-            tr("Fitting {count} grains", count=len(wanted)),
+            plural(len(wanted), mark("Fitting {count} grain"), mark("Fitting {count} grains")),
             steps,
             fraction=lambda step: (
                 step[0] / len(wanted),
@@ -321,13 +342,16 @@ class FitWork(Work):
             return
         fits = {item.label: item.result for item in items if item.result is not None}
         if fits:
-            self.workspace.add_fits(fits, tr("Fit {count} grains", count=len(fits)))
+            title = plural(len(fits), mark("Fit {count} grain"), mark("Fit {count} grains"))
+            self.workspace.add_fits(fits, title)
         failed = [item for item in items if item.result is None]
         level, told = describe_fits(fits, failed)
         if len(items) < given:
             level, lost = "warning", given - len(items)
-            told += " " + tr(
-                "{count} avatars were discarded: their grains were corrected meanwhile.", count=lost
+            told += " " + plural(
+                lost,
+                mark("{count} avatar was discarded: its grain was corrected meanwhile."),
+                mark("{count} avatars were discarded: their grains were corrected meanwhile."),
             )
         self.said.emit(level, told)
 

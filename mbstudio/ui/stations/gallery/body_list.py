@@ -28,6 +28,8 @@ from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.factor_words import factor_title
 
+OWN: Mapping[str, str] = {"suspicion": mark("Suspicion")}
+"""Titles of what bodies can be sorted by and is no shape factor."""
 SIDE = 72  # pixels of a picture
 CELL = QSize(110, 122)
 _SHORT = ("dn", "sphericity")
@@ -67,7 +69,9 @@ class Bodies:
         """Return a factor of one body with its unit."""
         number = float(self.columns[factor][row])
         unit = FACTORS[factor].unit(self.unit) if factor in FACTORS else ""
-        return "–" if not np.isfinite(number) else f"{number:.4g} {unit}".strip()
+        if not np.isfinite(number):
+            return "–"
+        return f"{number:.2f}" if factor in OWN else f"{number:.4g} {unit}".strip()
 
 
 def rows_in_order(
@@ -88,6 +92,10 @@ def rows_in_order(
     known = np.isfinite(values)
     order = np.argsort(-values[known] if falling else values[known], kind="stable")
     return np.concatenate([rows[known][order], rows[~known]])
+
+
+def _symbol(name: str) -> str:
+    return tr(OWN[name]) if name in OWN else FACTORS[name].symbol or ""
 
 
 class _Model(QAbstractListModel):
@@ -135,7 +143,7 @@ class _Model(QAbstractListModel):
         assert self.bodies is not None
         shown = [self.by] if self.by in self.bodies.columns else []
         shown += [name for name in _SHORT if name in self.bodies.columns and name not in shown]
-        parts = [f"{FACTORS[name].symbol or ''} {self.bodies.value(name, row)}".strip() for name in shown]
+        parts = [f"{_symbol(name)} {self.bodies.value(name, row)}".strip() for name in shown]
         return "\n".join(parts[:2])
 
 
@@ -148,10 +156,13 @@ class BodyList(QListView):
         Keys of all chosen bodies, and that of the one with the cursor.
     pictures_wanted : signal (Bodies, list of int)
         Rows that are looked at and have no picture yet; answer with `set_picture`.
+    menu_asked : signal (int or None, QPoint)
+        Key of the body that was clicked with the right button, and the place on the screen.
     """
 
     chosen = Signal(object, object)
     pictures_wanted = Signal(object, object)
+    menu_asked = Signal(object, object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -177,6 +188,8 @@ class BodyList(QListView):
         self._soon.timeout.connect(self._ask)
         self.content.wanted.connect(lambda: self._soon.isActive() or self._soon.start())
         self.selectionModel().selectionChanged.connect(self._say)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        self.customContextMenuRequested.connect(self._ask_menu)
 
     def show_bodies(self, bodies: Bodies | None, rows: np.ndarray, sort: str) -> None:
         """Show bodies in an order."""
@@ -225,6 +238,11 @@ class BodyList(QListView):
         if not self._quiet:
             keys, index = self.keys(), self.currentIndex()
             self.chosen.emit(self.chosen_keys(), keys[index.row()] if index.isValid() else None)
+
+    def _ask_menu(self, place: QPoint) -> None:
+        index, keys = self.indexAt(place), self.keys()
+        key = keys[index.row()] if index.isValid() else None
+        self.menu_asked.emit(key, self.viewport().mapToGlobal(place))
 
     def seen_rows(self) -> list[int]:
         """Return the rows of the bodies that are to be seen now."""

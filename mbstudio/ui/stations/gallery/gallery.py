@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.stations.gallery.body_list import Bodies, BodyList, rows_in_order
+from mbstudio.ui.stations.gallery.body_list import OWN, Bodies, BodyList, rows_in_order
 from mbstudio.ui.widgets.factor_words import factor_heading, factor_title
 from mbstudio.ui.widgets.forms import label, quiet_button
 
@@ -49,11 +49,11 @@ class RangeRow(QWidget):
         self.factor = QComboBox()
         self.factor.setAccessibleName(tr("Factor of the range"))
         for name in bodies.columns:
-            unit = FACTORS[name].unit(bodies.unit)
-            words = FACTORS[name].symbol or factor_title(name)
+            unit = "" if name in OWN else FACTORS[name].unit(bodies.unit)
+            words = tr(OWN[name]) if name in OWN else FACTORS[name].symbol or factor_title(name)
             self.factor.addItem(f"{words} ({unit})" if unit else words, name)
             self.factor.setItemData(
-                self.factor.count() - 1, factor_heading(name, bodies.unit), Qt.ItemDataRole.ToolTipRole
+                self.factor.count() - 1, _heading(name, bodies.unit), Qt.ItemDataRole.ToolTipRole
             )
         self.low, self.high = QDoubleSpinBox(), QDoubleSpinBox()
         for field, words in ((self.low, tr("Range from")), (self.high, tr("Range to"))):
@@ -100,6 +100,10 @@ class RangeRow(QWidget):
         """Return factor, lower and upper end."""
         slack = 0.5 * 10.0 ** -self.low.decimals()
         return self.factor.currentData(), self.low.value() - slack, self.high.value() + slack
+
+
+def _heading(name: str, unit: str) -> str:
+    return tr(OWN[name]) if name in OWN else factor_heading(name, unit)
 
 
 class Gallery(QFrame):
@@ -210,7 +214,7 @@ class Gallery(QFrame):
         self.sort.clear()
         self.sort.addItem(tr("Number"), "")
         for name in () if bodies is None else bodies.columns:
-            self.sort.addItem(factor_heading(name, bodies.unit), name)  # type: ignore[union-attr]
+            self.sort.addItem(_heading(name, bodies.unit), name)  # type: ignore[union-attr]
         self.sort.setCurrentIndex(max(0, self.sort.findData(sort)))
         self.sort.blockSignals(False)
         for factor, low, high in before if same_kind else ():

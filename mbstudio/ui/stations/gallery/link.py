@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, QPoint
 
 from mbstudio.core.formulas import nominal_diameters
+from mbstudio.core.grains.suspicion.suspects import Suspect
 from mbstudio.core.populations import Population
 from mbstudio.scene.pictures.grain_thumbnails import grain_thumbnail
 from mbstudio.scene.pictures.thumbnails import thumbnail
@@ -45,6 +46,8 @@ class GalleryLink(QObject):
         self.frame = DockFrame("bodies", tr("Gallery"), self.gallery, "right", studio.icons)
         self._made: dict[str, tuple[tuple[object, ...], Bodies | None]] = {}
         self._is_telling = False
+        self._suspects: Mapping[int, Suspect] = {}
+        studio.offers.suspects_changed.connect(self._take_suspects)
         space = self._space
         for signal in (
             space.grains_changed, space.fits_changed, space.clones_changed,
@@ -55,6 +58,7 @@ class GalleryLink(QObject):
         self.gallery.kind_changed.connect(lambda _: self.show())
         self.gallery.measure_asked.connect(lambda: studio.commands.run("populations.measure"))
         self.gallery.list.chosen.connect(self._chosen)
+        self.gallery.list.menu_asked.connect(self._open_menu)
         self.gallery.list.pictures_wanted.connect(self._draw)
         space.selection_changed.connect(self._mark)
         space.clone_changed.connect(self._mark)
@@ -74,6 +78,13 @@ class GalleryLink(QObject):
             self.gallery.show_bodies(bodies)
         self._mark()
 
+    def _take_suspects(self) -> None:
+        """Take scores at the beginning and at the end of looking: pictures are laid out anew for them."""
+        suspects = self._studio.offers.suspects
+        if self._studio.queue.running("looking") is None or not suspects:
+            self._suspects = suspects
+            self.show()
+
     # ---- what is shown -------------------------------------------------------------------------
 
     def _bodies(self, kind: str) -> Bodies | None:
@@ -81,7 +92,7 @@ class GalleryLink(QObject):
         state = self._space.state
         measured = self._measured(kind)
         source: tuple[object, ...] = {
-            "grains": (state.grains, measured),
+            "grains": (state.grains, measured, self._suspects),
             "avatars": (state.fits, measured),
             "clones": (state.clones, measured),
         }[kind]
@@ -106,6 +117,9 @@ class GalleryLink(QObject):
             return None
         keys, volume = grains.table["label"].to_numpy(int), grains.table["volume"].to_numpy(float)
         known = {"dn": nominal_diameters(volume), "volume": volume}
+        if self._suspects:
+            scores = [self._suspects[key].score if key in self._suspects else np.nan for key in keys.tolist()]
+            known["suspicion"] = np.array(scores)
         colour = self._studio.theme.scene.grain
         return Bodies(
             "grains", keys, known | _columns(keys, measured, grains.unit), grains.unit,
@@ -155,6 +169,11 @@ class GalleryLink(QObject):
             self.gallery.list.select_keys(() if one is None else (one,), one)
         else:
             self.gallery.list.select_keys(self._space.chosen, self._space.selected)
+
+    def _open_menu(self, key: int | None, place: QPoint) -> None:
+        """Offer what can be done with grains and avatars; clones are no grains of the scan."""
+        if self.gallery.kind != "clones":
+            self._studio.grain_menu.open(key, place)
 
     # ---- pictures ------------------------------------------------------------------------------
 

@@ -42,9 +42,11 @@ class GrainLink(QObject):
         space.grains_changed.connect(lambda: table.content.set_grains(space.state.grains))
         space.fits_changed.connect(lambda: self._show_fits())
         space.grains_changed.connect(studio.arrange_docks)
+        studio.offers.suspects_changed.connect(lambda: table.set_suspects(studio.offers.suspects))
         space.scan_changed.connect(self._scan_changed)
         space.selection_changed.connect(self._selection_changed)
         table.chosen.connect(space.choose)
+        table.menu_asked.connect(studio.grain_menu.open)
         work.several.connect(lambda error, then: ask_which_array(error, then, studio.host))
         work.too_large.connect(self._ask_anyway)
 

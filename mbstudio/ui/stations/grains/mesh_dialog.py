@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, Q
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor, unit_label
 from mbstudio.scene.layers.annotations import readable_length
 from mbstudio.ui.kept_settings import whole_number
-from mbstudio.ui.language import mark, tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.grains.mesh_work import FirstStone, MeshAnswer
 from mbstudio.ui.widgets.forms import label, primary_button, row
 
@@ -159,7 +159,13 @@ class MeshDialog(QDialog):
     def _told(self, left_out: int) -> str:
         words = [tr("Each closed body becomes a grain.")]
         if left_out:
-            words.append(tr("{count} of the files given are no meshes and are left out.", count=left_out))
+            words.append(
+                plural(
+                    left_out,
+                    mark("{count} of the files given is no mesh and is left out."),
+                    mark("{count} of the files given are no meshes and are left out."),
+                )
+            )
         return " ".join(words)
 
     def _show_size(self) -> None:

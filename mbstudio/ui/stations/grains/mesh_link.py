@@ -15,7 +15,7 @@ from mbstudio.core.meshes.endings import MESH_ENDINGS
 from mbstudio.core.meshes.listing import meshes_of
 from mbstudio.core.meshes.reading import is_mesh_file
 from mbstudio.scene.layers.annotations import readable_length
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.grains.mesh_dialog import MeshDialog
 from mbstudio.ui.stations.grains.mesh_summary import MeshSummary, short_note
 from mbstudio.ui.stations.grains.mesh_work import FirstStone, LeftOut, MeshWork, OpenedMeshes
@@ -92,7 +92,11 @@ class MeshLink(QObject):
             self._studio.say("error", opened.left_out[0][1])
             return
         words = [
-            tr("None of the {count} files could be read.", count=len(opened.left_out))
+            plural(
+                len(opened.left_out),
+                mark("The file could not be read."),
+                mark("None of the {count} files could be read."),
+            )
             if grains is None
             else _words_of(grains)
         ]
@@ -103,7 +107,13 @@ class MeshLink(QObject):
         if len(opened.notes) == 1:
             words.append(short_note(opened.notes[0], opened))
         elif opened.notes:
-            words.append(tr("{count} remarks on the files.", count=len(opened.notes)))
+            words.append(
+                plural(
+                    len(opened.notes),
+                    mark("{count} remark on the files."),
+                    mark("{count} remarks on the files."),
+                )
+            )
         level: Level = "success"
         if grains is None:
             level = "error"

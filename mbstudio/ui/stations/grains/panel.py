@@ -24,7 +24,7 @@ from mbstudio.core.grains.verdict import CRITERIA, SegmentationVerdict
 from mbstudio.core.memory import readable_bytes
 from mbstudio.core.units import unit_label
 from mbstudio.scene.layers.annotations import readable_length
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.grains.work import words_of
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.theme import Theme
@@ -35,15 +35,25 @@ from mbstudio.ui.workspace import Workspace
 
 
 class GrainPanel(Panel):
-    """Settings of the segmentation, and a summary of its grains."""
+    """Settings of the segmentation, and a summary of its grains.
 
-    def __init__(self, workspace: Workspace, theme: Theme) -> None:
+    Parameters
+    ----------
+    workspace : Workspace
+    theme : Theme
+    suspicion : QWidget, optional
+        Card of the suspicious grains, put below the verdict.
+    """
+
+    def __init__(self, workspace: Workspace, theme: Theme, suspicion: QWidget | None = None) -> None:
         super().__init__(tr("Grains"), tr("Separate the grains from the pores and from each other."))
         self._workspace = workspace
         default = SegmentationSettings()
         self._make_settings(default)
         self._make_result(theme)
         self._tools: QWidget | None = None
+        if suspicion is not None:
+            self._under_verdict.addWidget(suspicion)
         self.body.addStretch(1)
         self._make_foot()
         self.threshold_kind.currentIndexChanged.connect(self._threshold_kind_changed)
@@ -145,6 +155,8 @@ class GrainPanel(Panel):
         result.addLayout(line)
         result.addWidget(self._inside)
         result.addWidget(self._doubts)
+        self._under_verdict = QVBoxLayout()
+        result.addLayout(self._under_verdict)
         result.addSpacing(6)
         result.addWidget(self._histogram_name)
         result.addWidget(self.histogram)
@@ -221,7 +233,7 @@ class GrainPanel(Panel):
         self.tell_memory()
         if grains is None:
             return
-        self._count.setText(tr("{count:,} grains", count=len(grains)))
+        self._count.setText(plural(len(grains), mark("{count:,} grain"), mark("{count:,} grains")))
         self._inside.setText(_words_of_meshes(grains) if of_meshes else _words_of_scan(grains))
         self._show_verdict(grains.verdict)
         diameters = nominal_diameters(grains.table["volume"].to_numpy(float))
@@ -284,7 +296,13 @@ def _words_of_meshes(grains: GrainSet) -> str:
     if len(files) == 1:
         words = [tr("From {name}.", name=files[0].name)]
     else:
-        words = [tr("From {count:,} mesh files.", count=len(files) or len(grains))]
+        words = [
+            plural(
+                len(files) or len(grains),
+                mark("From {count:,} mesh file."),
+                mark("From {count:,} mesh files."),
+            )
+        ]
     edge = readable_length(grains.voxel_size.x, grains.unit)
     triangles = sum(len(mesh.faces) for mesh in grains.meshes.values())
     if triangles:
@@ -313,5 +331,10 @@ def _figures_table(verdict: SegmentationVerdict) -> str:
                 f"<tr><td>{title}&nbsp;</td><td align=right>{figure}&nbsp;</td><td>({wanted})</td></tr>"
             )
     heading = tr("How well the scan bears the grains out")
-    phases = tr("{count} phases; field of view: {view}", count=verdict.phases, view=verdict.view)
+    phases = plural(
+        verdict.phases,
+        mark("{count} phase; field of view: {view}"),
+        mark("{count} phases; field of view: {view}"),
+        view=verdict.view,
+    )
     return f"<p>{heading}</p><table>{''.join(rows)}</table><p>{phases}</p>"

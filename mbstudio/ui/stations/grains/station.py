@@ -18,6 +18,10 @@ from mbstudio.ui.stations.grains.link import GrainLink
 from mbstudio.ui.stations.grains.mesh_link import MeshLink
 from mbstudio.ui.stations.grains.mesh_work import MeshWork
 from mbstudio.ui.stations.grains.panel import GrainPanel
+from mbstudio.ui.stations.grains.suspicion.card import SuspicionCard
+from mbstudio.ui.stations.grains.suspicion.commands import suspicion_commands
+from mbstudio.ui.stations.grains.suspicion.tour import SuspicionTour
+from mbstudio.ui.stations.grains.suspicion.work import SuspicionWork
 from mbstudio.ui.stations.grains.table import GrainTable
 from mbstudio.ui.stations.grains.work import GrainWork
 from mbstudio.ui.stations.station import Station
@@ -38,7 +42,10 @@ class GrainStation(Station):
         super().__init__(studio, view)
         space = studio.workspace
         self.work = GrainWork(space, studio.queue, self)
-        self.panel: GrainPanel = GrainPanel(space, studio.theme)
+        self.suspicion_work = SuspicionWork(space, studio.queue, studio.offers, self)
+        self.tour = SuspicionTour(studio, self.suspicion_work)
+        self.card = SuspicionCard(space, self.suspicion_work, self.tour)
+        self.panel: GrainPanel = GrainPanel(space, studio.theme, self.card)
         self.table = GrainTable(studio.settings)
         self.display = GrainsDisplay(space, ("slices", "volume", "grains"), ("grains",), shows_slices=True)
         self.table_frame = DockFrame(
@@ -63,24 +70,7 @@ class GrainStation(Station):
     def commands(self) -> list[Command]:
         space = self.studio.workspace
         return [
-            Command(
-                id="grains.open_meshes",
-                title=tr("Open meshes…"),
-                run=self.mesh_link.ask_files,
-                menu="File",
-                shortcut="Ctrl+Alt+O",
-                icon="ph.diamond",
-                tip=tr("Open the surfaces of scanned stones: STL, PLY, OBJ, OFF, 3MF or GLB, one or many"),
-                separated=True,
-            ),
-            Command(
-                id="grains.open_mesh_folder",
-                title=tr("Open folder of meshes…"),
-                run=self.mesh_link.ask_folder,
-                menu="File",
-                icon="ph.folders",
-                tip=tr("Open all meshes of a folder as grains"),
-            ),
+            *self._mesh_commands(),
             Command(
                 id="grains.find",
                 title=tr("Find grains"),
@@ -130,7 +120,21 @@ class GrainStation(Station):
                 tip=tr("Show all grains in their colours"),
                 enabled=lambda: space.selected is not None,
             ),
-            *edit_commands(space, self.editing, self.tools, lambda: self.is_open),
+            *edit_commands(
+                space,
+                self.editing,
+                self.tools,
+                lambda: self.is_open,
+                lambda: self.view.display.offers("grains"),
+            ),
+            *suspicion_commands(
+                space,
+                self.view,
+                self.suspicion_work,
+                self.tour,
+                lambda: self.is_open,
+                lambda: not self.tools.can_accept,
+            ),
             self.table_frame.command(
                 tr("Table of grains"),
                 tr("Show or hide the table of grains"),
@@ -140,8 +144,39 @@ class GrainStation(Station):
             ),
         ]
 
+    def _mesh_commands(self) -> list[Command]:
+        return [
+            Command(
+                id="grains.open_meshes",
+                title=tr("Open meshes…"),
+                run=self.mesh_link.ask_files,
+                menu="File",
+                shortcut="Ctrl+Alt+O",
+                icon="ph.diamond",
+                tip=tr("Open the surfaces of scanned stones: STL, PLY, OBJ, OFF, 3MF or GLB, one or many"),
+                separated=True,
+            ),
+            Command(
+                id="grains.open_mesh_folder",
+                title=tr("Open folder of meshes…"),
+                run=self.mesh_link.ask_folder,
+                menu="File",
+                icon="ph.folders",
+                tip=tr("Open all meshes of a folder as grains"),
+            ),
+        ]
+
     def wire(self) -> None:
-        self.relay_messages(self.work, self.mesh_work)
+        self.relay_messages(self.work, self.mesh_work, self.suspicion_work)
+        self.tour.arrived.connect(lambda: self.panel.scroll_to(self.card))
+        self.tour.arrived.connect(self.studio.look_at_grain)
+        for button, command in (
+            (self.card.look_button, "grains.look"),
+            (self.card.next_button, "grains.next_suspect"),
+            (self.card.back_button, "grains.previous_suspect"),
+            (self.card.accept_button, "grains.accept"),
+        ):
+            self.studio.commands.bind(button, command)
         self.mesh_link.arrived.connect(lambda: self.studio.enter(self.id))
         self.studio.commands.bind(self.panel.meshes_button, "grains.open_meshes")
         self.studio.commands.bind(self.panel.find_button, "grains.find")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import cast
 
@@ -20,10 +20,20 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView
 
+from mbstudio.core.grains.suspicion.suspects import Suspect
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.grains.table_model import COLUMNS, COUNT, NAME, RMS, SHARE, VOLUME, GrainTableModel
+from mbstudio.ui.stations.grains.table_model import (
+    COLUMNS,
+    COUNT,
+    NAME,
+    RMS,
+    SHARE,
+    VERDICT,
+    VOLUME,
+    GrainTableModel,
+)
 
-ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430), (RMS, 330), (COUNT, 260))
+ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430), (RMS, 330), (COUNT, 260), (VERDICT, 240))
 """Columns that go first when the table is narrow, and the pixels that it needs to show each."""
 _HIDDEN = "table/hidden"
 
@@ -43,9 +53,12 @@ class GrainTable(QTableView):
     ----------
     chosen : signal (list of int, int or None)
         Labels of all chosen rows, and that of the row with the cursor.
+    menu_asked : signal (int or None, QPoint)
+        Label of the row that was clicked with the right button, and the place on the screen.
     """
 
     chosen = Signal(object, object)
+    menu_asked = Signal(object, object)
 
     def __init__(self, settings: QSettings | None = None) -> None:
         super().__init__()
@@ -80,8 +93,17 @@ class GrainTable(QTableView):
         self.content.modelReset.connect(self._arrange_columns)
         self.content.sorting.connect(self._keep_choice)
         self.content.sorted.connect(self._choose_what_was_kept)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        self.customContextMenuRequested.connect(self._ask_menu)
         self.setSortingEnabled(True)
         self.sortByColumn(0, Qt.SortOrder.AscendingOrder)
+
+    def set_suspects(self, suspects: Mapping[int, Suspect]) -> None:
+        """Show how suspicious the grains are, in a column that is there as soon as some are known."""
+        before = self._needless
+        self.content.set_suspects(suspects)
+        if self._needless != before:
+            self._arrange_columns()
 
     # ---- the selection -------------------------------------------------------------------------
 
@@ -144,6 +166,11 @@ class GrainTable(QTableView):
         if not self._quiet:
             self.chosen.emit(self.chosen_labels(), self._current())
 
+    def _ask_menu(self, place: QPoint) -> None:
+        index = self.indexAt(place)
+        label = self.content.label(index.row()) if index.isValid() else None
+        self.menu_asked.emit(label, self.viewport().mapToGlobal(place))
+
     # ---- the columns ---------------------------------------------------------------------------
 
     @property
@@ -177,9 +204,15 @@ class GrainTable(QTableView):
         action.triggered.connect(lambda _: self.choose_columns(None))
         return menu
 
+    @property
+    def _needless(self) -> set[str]:
+        """Names of the columns that would say the same, or nothing, of all grains."""
+        needless = set() if self.content.has_excluded else {"use"}
+        return needless if self.content.has_suspects else needless | {"suspicion"}
+
     def _show_column(self, name: str, shown: bool) -> None:
         hidden = {column.name for place, column in enumerate(COLUMNS) if self.isColumnHidden(place)}
-        hidden -= set() if self.content.has_excluded else {"use"}
+        hidden -= self._needless
         self.choose_columns(hidden - {name} if shown else hidden | {name})
 
     def _offer_columns(self, place: QPoint) -> None:
@@ -197,8 +230,7 @@ class GrainTable(QTableView):
         hidden = self.hidden_columns
         if hidden is None:
             hidden = {COLUMNS[place].name for place, needed in ROOM if self.width() < needed}
-        # Where all grains take part, the column that says so has nothing to say.
-        needless = set() if self.content.has_excluded else {"use"}
+        needless = self._needless
         for place, column in enumerate(COLUMNS):
             self.setColumnHidden(place, column.name in hidden | needless)
         # A name stands beside the number.

@@ -11,6 +11,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersisten
 
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains import GrainSet
+from mbstudio.core.grains.suspicion.suspects import Suspect
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.units import conversion_factor, unit_label
 from mbstudio.ui.language import mark, tr
@@ -81,8 +82,13 @@ COLUMNS = (
         ),
         is_text=True,
     ),
+    Column(
+        "suspicion",
+        mark("Suspicion"),
+        mark("How likely the grain is several grains, or a part of one: 0 to 1"),
+    ),
 )
-VOLUME, NAME, COUNT, RMS, SHARE, VERDICT = 1, 3, 4, 5, 6, 7
+VOLUME, NAME, COUNT, RMS, SHARE, VERDICT, SUSPICION = 1, 3, 4, 5, 6, 7, 9
 """Places of columns; that of the edge holds the names of meshes, which no edge cuts."""
 
 
@@ -112,6 +118,8 @@ class GrainTableModel(QAbstractTableModel):
         self._files: list[str] = []
         self._fits: Mapping[int, FitResult] = {}
         self._changed: frozenset[int] = frozenset()
+        self._suspects: Mapping[int, Suspect] = {}
+        self._accepted: frozenset[int] = frozenset()
         self._sorted_by = (0, Qt.SortOrder.AscendingOrder)
         self._order = np.zeros(0, dtype=int)  # places of grains, row by row
         self._rows = np.zeros(0, dtype=int)  # rows, grain by grain
@@ -142,7 +150,9 @@ class GrainTableModel(QAbstractTableModel):
             if grains.is_of_meshes:
                 self._names = [str(name) for name in table["name"]]
                 self._files = [str(file) for file in table["file"]] if "file" in table else []
+            self._accepted = grains.accepted_labels
         self._take_fits()
+        self._take_suspects()
         self._put_in_order()
         self.endResetModel()
 
@@ -168,6 +178,32 @@ class GrainTableModel(QAbstractTableModel):
         self._values |= of_fits
         if len(self._labels):
             self._values["share"] = 100 * of_fits["rms"] / self._values["dn"]
+
+    def set_suspects(self, suspects: Mapping[int, Suspect]) -> None:
+        """Show how suspicious the grains are."""
+        self._suspects = suspects
+        self._take_suspects()
+        if self._sorted_by[0] == SUSPICION:
+            self._change_order()
+        elif len(self._labels):
+            last = len(self._labels) - 1
+            self.dataChanged.emit(self.index(0, SUSPICION), self.index(last, SUSPICION))
+
+    def _take_suspects(self) -> None:
+        """Bring the column of suspicion up to date: accepted grains count as none, others as not scored."""
+        scores = np.full(len(self._labels), np.nan)
+        for place, label in enumerate(self._labels.tolist()):
+            one = self._suspects.get(label)
+            if label in self._accepted:
+                scores[place] = 0.0
+            elif one is not None:
+                scores[place] = one.score
+        self._values["suspicion"] = scores
+
+    @property
+    def has_suspects(self) -> bool:
+        """Whether it is known of some grain how suspicious it is."""
+        return bool(len(self._labels)) and bool(np.isfinite(self._values["suspicion"]).any())
 
     @property
     def has_excluded(self) -> bool:
@@ -276,6 +312,9 @@ class GrainTableModel(QAbstractTableModel):
             return self._alignment(column)
         if role == Qt.ItemDataRole.ToolTipRole and column == NAME and self._files:
             return self._files[grain]
+        if role == Qt.ItemDataRole.ToolTipRole and column == SUSPICION:
+            one = self._suspects.get(int(self._labels[grain]))
+            return one.reasons.replace("; ", "\n") or None if one is not None else None
         if role == Qt.ItemDataRole.ToolTipRole and column == VERDICT:
             fit = self._fits.get(int(self._labels[grain]))
             if int(self._labels[grain]) in self._changed:
@@ -306,6 +345,8 @@ class GrainTableModel(QAbstractTableModel):
             return tr("cut") if value else tr("inside")
         if name == "n":
             return f"n = {int(value)}"
+        if name == "suspicion":
+            return tr("accepted") if int(self._labels[grain]) in self._accepted else f"{value:.2f}"
         if name == "use":
             return tr("excluded") if value else tr("yes")
         if name == "verdict" and int(self._labels[grain]) in self._changed:

@@ -14,7 +14,7 @@ from mbstudio.core.errors import GrainWarning, SegmentationWarning, SeveralArray
 from mbstudio.core.grains import GrainSet, load_labels
 from mbstudio.core.grains.segmentation import SegmentationSettings
 from mbstudio.core.memory import readable_bytes
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task
 
@@ -98,17 +98,20 @@ class GrainWork(Work):
             return
         inside = len(grains.interior_labels)
         self.workspace.change(
-            tr("Find {count} grains", count=len(grains))
+            plural(len(grains), mark("Find {count} grain"), mark("Find {count} grains"))
             if settings
-            else tr("Load {count} grains", count=len(grains)),
+            else plural(len(grains), mark("Load {count} grain"), mark("Load {count} grains")),
             grains=grains,
             segmentation=settings,
             fits=MappingProxyType({}),
         )
-        told = tr(
-            "Found {count} grains, {inside} of them not cut by the edge of the scan. Click one in "
-            "the view or the table, then fit it.",
-            count=len(grains),
+        told = plural(
+            len(grains),
+            mark("Found {count} grain, {inside} not cut by the edge of the scan. Click it, then fit it."),
+            mark(
+                "Found {count} grains, {inside} of them not cut by the edge of the scan. Click one in "
+                "the view or the table, then fit it."
+            ),
             inside=inside,
         )
         doubts = grains.verdict.described if grains.verdict is not None else []

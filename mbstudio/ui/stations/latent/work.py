@@ -20,7 +20,7 @@ from mbstudio.core.vae.shaping.live_grain import AT_REST, MOVING, LiveGrain, liv
 from mbstudio.core.vae.shaping.meaning import Meanings
 from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.core.vae.shaping.parents_range import ParentsRange
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.latest_request_worker import LatestRequestWorker
 from mbstudio.ui.stations.latent.history import ShapingHistory, Stance
 from mbstudio.ui.stations.work import Work
@@ -328,7 +328,7 @@ class LatentWork(Work):
             if learner is self.learner and made:
                 self._keep([(latent, (*stance.operations, operation)) for latent, operation in made])
 
-        task = Task(tr("Making {count} variations", count=count), work)
+        task = Task(plural(count, mark("Making {count} variation"), mark("Making {count} variations")), work)
         task.succeeded.connect(keep_found)
         return self.queue.submit(task)
 
@@ -428,7 +428,12 @@ def keeping_title(name: str, count: int, first: int) -> str:
     """Return the history's title for grains that were kept, numbered from `first` on."""
     if count == 1:
         return tr("Keep {name}", name=name)
-    return tr("Keep {count} variations from {first}", count=count, first=first)
+    return plural(
+        count,
+        mark("Keep {count} variation from {first}"),
+        mark("Keep {count} variations from {first}"),
+        first=first,
+    )
 
 
 def find_clones(state: ProjectState, learner: StyleLearner | None) -> Generation | None:

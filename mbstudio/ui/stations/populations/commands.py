@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from mbstudio.ui.commands import Command
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.populations.link import PopulationLink
 from mbstudio.ui.stations.populations.work import PopulationWork
 from mbstudio.ui.workspace import Workspace
@@ -25,9 +25,22 @@ def population_commands(
             shortcut="Ctrl+M",
             icon="ph.ruler",
             tip=tr("Measure grains and avatars for the plots"),
-            enabled=lambda: (
-                space.state.grains is not None and not work.run.is_running and not work.is_current
+            enabled=lambda: work.has_bodies and not work.run.is_running and not work.is_current,
+        ),
+        Command(
+            id="populations.measure_chosen",
+            title=tr("Measure chosen grains"),
+            run=link.measure_chosen,
+            menu="Populations",
+            icon="ph.ruler",
+            tip=tr("Measure the chosen grains and their avatars alone"),
+            enabled=lambda: bool(space.chosen) and not work.run.is_running,
+            words=lambda: plural(
+                len(space.chosen) or 1,
+                mark("Measure chosen grain"),
+                mark("Measure {count} chosen grains"),
             ),
+            is_about_grains=True,
         ),
         Command(
             id="populations.report",
@@ -37,7 +50,7 @@ def population_commands(
             shortcut="Ctrl+Shift+R",
             icon="ph.file-text",
             tip=tr("Write tables and figures as one HTML file"),
-            enabled=lambda: space.state.grains is not None and not work.run.is_running,
+            enabled=lambda: work.has_bodies and not work.run.is_running,
         ),
         Command(
             id="populations.save_figure",
@@ -58,6 +71,12 @@ def population_commands(
             enabled=lambda: bool(work.populations),
         ),
     ]
+    return [*commands, *_plots(space, open_page)]
+
+
+def _plots(space: Workspace, open_page: Callable[[str], object]) -> list[Command]:
+    """Return what goes to each plot."""
+    commands = []
     for place, (name, title) in enumerate(
         (
             ("distribution", tr("Distribution")),

@@ -38,9 +38,12 @@ class PopulationDock(QFrame):
     ----------
     brushed : signal (list of int, bool)
         Labels that were chosen in a plot, and whether to add them.
+    menu_asked : signal (int or None, QPoint)
+        Label of a point that was clicked with the right button, and the place on the screen.
     """
 
     brushed = Signal(object, bool)
+    menu_asked = Signal(object, object)
 
     def __init__(self, theme: Theme, icons: Icons) -> None:
         super().__init__()
@@ -61,6 +64,7 @@ class PopulationDock(QFrame):
             self._stack.addWidget(page)
             self.pages[name] = page
             page.brushed.connect(self.brushed)
+            page.menu_asked.connect(self.menu_asked)
         self.words = QLabel()
         self.words.setObjectName("emptyPlot")
         self.words.setWordWrap(True)

@@ -44,6 +44,7 @@ class PopulationLink(QObject):
         self._work, self._panel, self._dock = work, panel, dock
         self._panel.shown_changed.connect(self._show)
         self._dock.brushed.connect(self._brushed)
+        self._dock.menu_asked.connect(studio.grain_menu.open)
         self._space.selection_changed.connect(self._mark)
         self._space.grains_changed.connect(self._say)
         self._work.changed.connect(self._say)
@@ -63,6 +64,13 @@ class PopulationLink(QObject):
             self._space.toggle(labels)
         else:
             self._space.choose(labels)
+
+    def measure_chosen(self) -> None:
+        """Measure the chosen grains alone, and show their plots."""
+        self._studio.enter("populations")
+        self._panel.choose_scope("chosen")
+        if not self._work.is_current:
+            self._work.measure()
 
     def _say(self) -> None:
         if self._space.state.grains is None:

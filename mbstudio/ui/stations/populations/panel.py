@@ -12,7 +12,7 @@ from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metrics.factor_table import AXES, FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.core.populations.sieving import SERIES_NAMES
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.stations.populations.plots import Shown
 from mbstudio.ui.stations.populations.work import PopulationWork
@@ -51,6 +51,7 @@ class PopulationPanel(Panel):
         )
         self.scope.addItem(tr("With an avatar"), "fitted")
         self.scope.addItem(tr("All inside"), "inside")
+        self.scope.addItem("", "chosen")
         for name, convention in AXES.items():
             self.axes.addItem(tr(convention.title), name)
             self.axes.setItemData(self.axes.count() - 1, tr(convention.meaning), 3)
@@ -69,7 +70,9 @@ class PopulationPanel(Panel):
         self._offer(FACTORS.core)
         self.add(
             row(
-                tr("Grains"), self.scope, tr("Grains that have an avatar, or all grains not cut by the edge")
+                tr("Grains"),
+                self.scope,
+                tr("Grains that have an avatar, all grains not cut by the edge, or the chosen ones"),
             ),
             row(tr("Axes"), self.axes, tr("How the axes a ≥ b ≥ c of a body are found")),
             self.detail,
@@ -146,6 +149,16 @@ class PopulationPanel(Panel):
         self._write_hint()
         self._show_choice()
 
+    def choose_scope(self, scope: str) -> None:
+        """Choose which grains are measured: 'fitted', 'inside' or 'chosen'."""
+        self.scope.setCurrentIndex(self.scope.findData(scope))
+
+    def _name_chosen(self) -> None:
+        chosen = len(self._workspace.chosen)
+        if self._work.asked.scope == "chosen":
+            chosen = len(self._work.wanted.chosen)
+        self.scope.setItemText(self.scope.findData("chosen"), tr("Chosen grains ({count})", count=chosen))
+
     def _show_choice(self, *_: object) -> None:
         populations = self._work.populations
         self._fill(populations)
@@ -183,17 +196,25 @@ class PopulationPanel(Panel):
 
     def _write_hint(self) -> None:
         work, state, chosen = self._work, self._workspace.state, self._workspace.chosen
+        self._name_chosen()
         if state.grains is None:
             text = tr("Find the grains first (station Grains).")
         elif work.run.is_running:
             text = tr("Measuring … see the status bar for progress and to cancel; what is measured is kept.")
+        elif not work.has_bodies:
+            text = tr("No grain is chosen. Click one in the view or the table; Ctrl or Shift adds more.")
         elif not work.is_current:
             if not self.isVisible():
                 return  # to count thousands of bodies after each correction would make it slow
             text = self._what_is_left()
         elif chosen:
             listed = ", ".join(map(str, sorted(chosen)[:8])) + (" …" if len(chosen) > 8 else "")
-            text = tr("{count} selected: grain {labels}.", count=len(chosen), labels=listed)
+            text = plural(
+                len(chosen),
+                mark("Chosen: grain {labels}."),
+                mark("{count} chosen: grains {labels}."),
+                labels=listed,
+            )
         else:
             text = tr("No grain is selected. Click or drag in a plot, the view or the table.")
         self._hint.setText(text)
@@ -207,7 +228,11 @@ class PopulationPanel(Panel):
         """Say what measuring would take."""
         left, count = self._work.bodies_left
         if left == 0:
-            return tr("All {count} bodies are measured already: press the button to show them.", count=count)
+            return plural(
+                count,
+                mark("The body is measured already: press the button to show it."),
+                mark("All {count} bodies are measured already: press the button to show them."),
+            )
         time = readable_time(self._work.seconds_for(left))
         if self._work.measured is not None:
             return tr(
@@ -223,4 +248,9 @@ class PopulationPanel(Panel):
                 count=count,
                 time=time,
             )
-        return tr("{count} grains and avatars are to be measured: about {time}.", count=count, time=time)
+        return plural(
+            count,
+            mark("{count} grain is to be measured: about {time}."),
+            mark("{count} grains and avatars are to be measured: about {time}."),
+            time=time,
+        )

@@ -65,9 +65,11 @@ class PopulationPlot(QWidget):
     Attributes
     ----------
     brushed : signal (list of int, bool)
+    menu_asked : signal (int or None, QPoint)
     """
 
     brushed = Signal(object, bool)
+    menu_asked = Signal(object, object)
 
     def __init__(self, theme: Theme, *plots: BrushPlot) -> None:
         super().__init__()
@@ -84,6 +86,7 @@ class PopulationPlot(QWidget):
         for plot in plots:
             layout.addWidget(plot, 1)
             plot.brushed.connect(self.brushed)
+            plot.menu_asked.connect(self.menu_asked)
         layout.addWidget(self._note)
         theme.changed.connect(self.redraw)
 

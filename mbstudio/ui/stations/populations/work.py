@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,14 +22,14 @@ from mbstudio.core.populations.measuring import (
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.project import Project, ProjectState
 from mbstudio.core.project.measuring import ProjectPopulations, bodies_of, measure_project
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.offers import Offers
 from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
-Scope = Literal["fitted", "inside"]
+Scope = Literal["fitted", "inside", "chosen"]
 AT_ONCE = 1.0
 """Seconds that measuring may take to begin without being asked for."""
 EACH, DETAIL = 0.45, 5.0
@@ -44,15 +44,18 @@ class MeasureRequest:
 
     Attributes
     ----------
-    scope : {'fitted', 'inside'}
-        Grains that have an avatar (all inside the scan if none has one), or all inside the scan.
+    scope : {'fitted', 'inside', 'chosen'}
+        Grains that have an avatar (all inside the scan if none has one), all inside the scan, or some.
     axes : {'obb', 'feret', 'inertia'}
     detail : bool
+    chosen : tuple of int
+        Labels of some grains; those that are not excluded.
     """
 
     scope: Scope = "fitted"
     axes: AxisConvention = "obb"
     detail: bool = False
+    chosen: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +103,7 @@ class PopulationWork(Work):
         self._left: tuple[tuple[object, ...], tuple[int, int]] | None = None
         workspace.grains_changed.connect(self._grains_changed)
         workspace.fits_changed.connect(self._look_up)
+        workspace.selection_changed.connect(self._selection_changed)
         workspace.project_replaced.connect(offers.known.clear)
         offers.compared_changed.connect(self.changed)
         self.changed.connect(lambda: offers.offer_populations(self.populations))
@@ -117,6 +121,26 @@ class PopulationWork(Work):
         own = [] if self.measured is None else self.measured.populations
         return [*own, *self._offers.compared]
 
+    @property
+    def wanted(self) -> MeasureRequest:
+        """What measuring now would measure.
+
+        While one looks at some of the grains that were chosen and measured, these stay what is wanted.
+        """
+        if self.asked.scope != "chosen" or self.workspace.state.grains is None:
+            return self.asked
+        now, measured = self.workspace.chosen - self.workspace.state.grains.excluded_labels, self.measured
+        if measured is not None and measured.asked.scope == "chosen" and now <= set(measured.asked.chosen):
+            return replace(self.asked, chosen=measured.asked.chosen)
+        return replace(self.asked, chosen=tuple(sorted(now)))
+
+    @property
+    def has_bodies(self) -> bool:
+        """Whether there is something to measure as asked."""
+        if self.workspace.state.grains is None:
+            return False
+        return self.asked.scope != "chosen" or bool(self.wanted.chosen)
+
     def ask(self, **changes: Any) -> None:
         """Change what is to be measured."""
         self.asked = MeasureRequest(**{**vars(self.asked), **changes})
@@ -125,13 +149,15 @@ class PopulationWork(Work):
     @property
     def bodies_left(self) -> tuple[int, int]:
         """How many bodies are still to be measured as asked, and of how many."""
-        state, asked = self.workspace.state, self.asked
+        state, asked = self.workspace.state, self.wanted
         key = (state.grains, state.fits, asked, len(self._offers.known))
         if self._left is None or self._left[0] != key:
             self._left = key, self._count_left(state, asked)
         return self._left[1]
 
     def _count_left(self, state: ProjectState, asked: MeasureRequest) -> tuple[int, int]:
+        if not self.has_bodies:
+            return 0, 0
         groups = bodies_of(Project(state), _labels(state, asked))
         unit = None if state.grains is None else state.grains.unit
         conventions = Conventions(unit, asked.axes, None, asked.detail)
@@ -153,8 +179,8 @@ class PopulationWork(Work):
 
     def measure(self) -> Task | None:
         """Measure as asked; None if there are no grains or it runs already."""
-        state, asked, known = self.workspace.state, self.asked, self._offers.known
-        if state.grains is None or self.run.is_running:
+        state, asked, known = self.workspace.state, self.wanted, self._offers.known
+        if not self.has_bodies or self.run.is_running:
             return None
         bodies = self.bodies_left[0]
 
@@ -177,8 +203,8 @@ class PopulationWork(Work):
 
     def write_report(self, path: Path, sieves: SieveSeries = "iso") -> Task | None:
         """Write the report of ``mbstudio report``, measuring first where that is to be done."""
-        state, asked = self.workspace.state, self.asked
-        if state.grains is None or self.run.is_running:
+        state, asked = self.workspace.state, self.wanted
+        if not self.has_bodies or self.run.is_running:
             return None
         current = self.measured if self.is_current else None
         known = self._offers.known
@@ -205,8 +231,10 @@ class PopulationWork(Work):
             self.measured = measured
             failed = sum(len(p.failures) for p in (measured.found.grains, measured.found.avatars) if p)
             if failed:
-                told = tr(
-                    "{failed} bodies could not be measured. The report gives the reasons.", failed=failed
+                told = plural(
+                    failed,
+                    mark("{count} body could not be measured. The report gives the reason."),
+                    mark("{count} bodies could not be measured. The report gives the reasons."),
                 )
                 self.said.emit("warning", told)
 
@@ -214,6 +242,10 @@ class PopulationWork(Work):
         self.run.cancel()
         self.measured = None
         self._look_up()
+
+    def _selection_changed(self) -> None:
+        if self.asked.scope == "chosen":
+            self._look_up()
 
     def _look_up(self) -> None:
         """Take what was measured of just this state before, if it was."""
@@ -223,11 +255,13 @@ class PopulationWork(Work):
     def _fits_now(self, measured: Measured) -> bool:
         state = self.workspace.state
         same = measured.state.grains is state.grains and measured.state.fits is state.fits
-        return same and measured.asked == self.asked
+        return same and measured.asked == self.wanted
 
 
 def _labels(state: ProjectState, asked: MeasureRequest) -> list[int] | None:
     """Return the grains that are asked for; None for those with an avatar."""
+    if asked.scope == "chosen":
+        return list(asked.chosen)
     if asked.scope != "inside" or state.grains is None:
         return None
     labels: list[int] = (

@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, Signal
 from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.populations import Population
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Task, TaskQueue
@@ -109,7 +109,7 @@ class CloneWork(Work):
                 on_progress=control.progress,
             )  # fmt: skip
 
-        task = Task(tr("Generating {count} clones", count=count), work)
+        task = Task(plural(count, mark("Generating {count} clone"), mark("Generating {count} clones")), work)
         # What cannot be had is said where it was asked for.
         task.handled = (GenerationError,)
         task.failed.connect(self._refuse)
@@ -124,7 +124,8 @@ class CloneWork(Work):
     def _keep_clones(self, found: Generation, learner: StyleLearner) -> None:
         if learner is not self.workspace.style:
             return
-        self.workspace.use_clones(found, tr("Generate {count} clones", count=len(found)))
+        title = plural(len(found), mark("Generate {count} clone"), mark("Generate {count} clones"))
+        self.workspace.use_clones(found, title)
         missed = [figure for figure in found.reached if not figure.is_met]
         told = [
             tr(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 from mbstudio.ui.commands import Command
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.link import StyleLink
 from mbstudio.ui.stations.style.panel import StylePanel
@@ -30,13 +31,38 @@ def _learn_or_show(studio: Studio, panel: StylePanel) -> None:
     studio.give_hint(tr("Check what is learned from; “Learn style” or Ctrl+L begins."))
 
 
+def _learn_chosen(studio: Studio, work: StyleWork, panel: StylePanel) -> Command:
+    space = studio.workspace
+
+    def choose_parents() -> None:
+        studio.enter("style")
+        panel.open_page("learn")
+        panel.learn.choose_source("chosen")
+
+    return Command(
+        id="style.learn_chosen",
+        title=tr("Learn from chosen grains…"),
+        run=choose_parents,
+        menu="Style",
+        icon="ph.graduation-cap",
+        tip=tr("Take the chosen grains as the parents at station Style"),
+        enabled=lambda: bool(space.chosen) and not work.run.is_running,
+        words=lambda: plural(
+            len(work.labels("chosen")) or 1,
+            mark("Learn from chosen grain…"),
+            mark("Learn from {count} chosen grains…"),
+        ),
+        is_about_grains=True,
+    )
+
+
 def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) -> list[Command]:
     space = studio.workspace
 
-    def learn_on() -> None:
+    def at_page(go_on: Callable[[], None]) -> None:
         studio.enter("style")
         panel.open_page("learn")
-        panel.learn.learn_on()
+        go_on()
 
     return [
         Command(
@@ -49,10 +75,11 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
             tip=tr("Learn the shape of the parents selected at station Style"),
             enabled=lambda: panel.learn.is_ready and not work.run.is_running,
         ),
+        _learn_chosen(studio, work, panel),
         Command(
             id="style.learn_on",
             title=tr("Continue learning"),
-            run=learn_on,
+            run=partial(at_page, panel.learn.learn_on),
             menu="Style",
             icon="ph.graduation-cap",
             tip=tr("Teach the style-learner new grains without forgetting the old ones"),

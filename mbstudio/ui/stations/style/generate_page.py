@@ -9,7 +9,7 @@ from mbstudio.core.errors import GenerationError
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population
 from mbstudio.scene.figures.population_style import readable_scale
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.dock import SHOWN
 from mbstudio.ui.widgets.comparison_table import ComparisonTable
@@ -152,7 +152,7 @@ class GeneratePage(QWidget):
             return
         counts = clones.counts
         if chosen is None:
-            self._clone.setText(tr("{count} clones", count=len(clones)))
+            self._clone.setText(plural(len(clones), mark("{count} clone"), mark("{count} clones")))
             self._facts.setText(
                 tr(
                     "Of {candidates} candidates {valid} were valid when drawn and {repaired} were repaired. "

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QS
 
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
-from mbstudio.ui.language import mark, tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.style.work import LearnRequest, Parents, Source, StyleWork, percent
 from mbstudio.ui.widgets.factor_words import latent_count
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
@@ -20,7 +20,7 @@ from mbstudio.ui.workspace import Workspace
 FEWEST = 5
 _SOURCES = {
     "inside": mark("Grains inside"),
-    "chosen": mark("Selected grains"),
+    "chosen": mark("Chosen grains"),
     "avatars": mark("Avatars"),
     "folder": mark("Folder of meshes"),
 }
@@ -194,6 +194,10 @@ class LearnPage(QWidget):
         new = given if given.source == "folder" else Parents(given.source, labels)
         self._work.learn_on(new, self.seed.value())
 
+    def choose_source(self, source: Source) -> None:
+        """Choose what is learned from."""
+        self.source.setCurrentIndex(self.source.findData(source))
+
     def choose_preset(self, name: str) -> None:
         """Choose a preset as a person does."""
         self.preset.setCurrentIndex(self.preset.findData(name))
@@ -254,11 +258,19 @@ class LearnPage(QWidget):
             self.readiness_changed.emit()
         self.learn_button.setVisible(not running)
         self.learn_button.setText(
-            tr("Learn") if count is None or not ready else tr("Learn from {count} parents", count=count)
+            tr("Learn")
+            if count is None or not ready
+            else plural(count, mark("Learn from {count} parent"), mark("Learn from {count} parents"))
         )
         self.on_button.setVisible(not running and has_new)
         self.on_button.setText(
-            tr("Continue learning") if folder else tr("Continue learning with {count} new parents", count=new)
+            tr("Continue learning")
+            if folder
+            else plural(
+                new,
+                mark("Continue learning with {count} new parent"),
+                mark("Continue learning with {count} new parents"),
+            )
         )
         self._running.setVisible(running)
         self.pause_button.setText(tr("Resume") if self._work.run.is_paused else tr("Pause"))
@@ -275,7 +287,12 @@ class LearnPage(QWidget):
             return tr("Choose a folder of meshes.")
         if self._workspace.state.grains is None and not count:
             return tr("No grains yet: find them first (station Grains), or learn from a folder of meshes.")
-        return tr("A style needs at least {fewest} parents; there are {count}.", fewest=FEWEST, count=count)
+        return plural(
+            count or 0,
+            mark("A style needs at least {fewest} parents; there is {count}."),
+            mark("A style needs at least {fewest} parents; there are {count}."),
+            fewest=FEWEST,
+        )
 
     def _show_card(self) -> None:
         learner = self._workspace.style

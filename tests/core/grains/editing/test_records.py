@@ -14,6 +14,7 @@ from mbstudio.core.grains import GrainSet
 from mbstudio.core.grains.editing import read_edit, replay
 from mbstudio.core.grains.editing.records import (
     KINDS,
+    Accept,
     Delete,
     Erase,
     Exclude,
@@ -39,6 +40,7 @@ EXAMPLES = (
     Delete(labels=(1, 2), anchors=((0, 0, 0), (1, 1, 1))),
     Exclude(labels=(9,), anchors=((0, 0, 0),)),
     Include(labels=(9,), anchors=((0, 0, 0),)),
+    Accept(labels=(9,), anchors=((0, 0, 0),)),
     Paint(labels=(), centres=((1.0, 2.0, 3.5),), radius=2.5, over="everything", axis=1),
     Erase(labels=(4,), anchors=((3, 3, 3),), centres=((1.0, 2.0, 3.5),), radius=2.0),
     Fill(labels=(4,), anchors=((3, 3, 3),), at=(4, 5, 6), axis=1),

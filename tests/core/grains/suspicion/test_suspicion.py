@@ -35,7 +35,7 @@ def test_halves_of_a_ball_are_more_suspicious_than_balls_that_touch():
     assert set(ranked["label"].iloc[:2]) == {1, 2}
     assert ranked["kind"].iloc[0] == "split"
     assert ranked.set_index("label")["neighbour"][1] == 2
-    assert "of its border lies at grain" in ranked["reasons"].iloc[0]
+    assert "convex together with grain" in ranked["reasons"].iloc[0]
 
 
 def test_merged_grains_of_a_packing_are_found_first():

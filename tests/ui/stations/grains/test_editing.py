@@ -217,4 +217,4 @@ def test_a_fit_of_a_grain_that_was_corrected_meanwhile_is_discarded(at_grains, r
     work._take_many(begun, items)
     assert space.state.fits[1] is items[0].result
     assert space.state.fits[3] is not items[1].result
-    assert "1 avatars were discarded" in at_grains.messages.text
+    assert "1 avatar was discarded" in at_grains.messages.text

@@ -6,22 +6,37 @@ from collections.abc import Callable
 from functools import partial
 
 from mbstudio.ui.commands import Command
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.grains.editing.grain_editing import GrainEditing
 from mbstudio.ui.stations.grains.editing.slice_editing import SliceEditing
 from mbstudio.ui.workspace import Workspace
 
 
 def edit_commands(
-    space: Workspace, editing: GrainEditing, tools: SliceEditing, is_open: Callable[[], bool]
+    space: Workspace,
+    editing: GrainEditing,
+    tools: SliceEditing,
+    is_open: Callable[[], bool],
+    shows_grains: Callable[[], bool],
 ) -> list[Command]:
-    """Return the commands of station Grains that change grains by hand; their keys count only there."""
+    """Return the commands that change grains by hand.
+
+    Parameters
+    ----------
+    space : Workspace
+    editing : GrainEditing
+    tools : SliceEditing
+    is_open : callable
+        Whether station Grains is open: tools in the slices count only there.
+    shows_grains : callable
+        Whether the open station shows all grains: there what concerns the chosen ones can be done.
+    """
 
     def has_grains() -> bool:
         return is_open() and space.state.grains is not None
 
     def has_choice() -> bool:
-        return is_open() and bool(space.chosen)
+        return shows_grains() and bool(space.chosen)
 
     return [
         *_of_chosen(space, editing, has_choice),
@@ -52,6 +67,12 @@ def _of_chosen(space: Workspace, editing: GrainEditing, has_choice: Callable[[],
             tip=tr("Make the chosen grains one"),
             enabled=lambda: has_choice() and len(space.chosen) > 1,
             separated=True,
+            words=lambda: (
+                tr("Merge {count} grains", count=len(space.chosen))
+                if len(space.chosen) > 1
+                else tr("Merge grains")
+            ),
+            is_about_grains=True,
         ),
         Command(
             id="grains.delete",
@@ -62,6 +83,8 @@ def _of_chosen(space: Workspace, editing: GrainEditing, has_choice: Callable[[],
             icon="ph.trash",
             tip=tr("Take the chosen grains away"),
             enabled=has_choice,
+            words=lambda: plural(len(space.chosen) or 1, mark("Delete grain"), mark("Delete {count} grains")),
+            is_about_grains=True,
         ),
         Command(
             id="grains.exclude",
@@ -73,6 +96,8 @@ def _of_chosen(space: Workspace, editing: GrainEditing, has_choice: Callable[[],
                 "Leave the chosen grains out of fits, populations, learning and export, or take them in again"
             ),
             enabled=has_choice,
+            words=editing.words_of_exclusion,
+            is_about_grains=True,
         ),
     ]
 
@@ -116,6 +141,7 @@ def _tools(tools: SliceEditing, has_grains: Callable[[], bool]) -> list[Command]
                 tip=tip,
                 enabled=has_grains,
                 checked=partial(_is_in_hand, tools, tool),
+                is_about_grains=tool == "seeds",
             )
             for name, tool, title, keys, icon, tip in given
         ),
@@ -202,7 +228,7 @@ def _outlines(editing: GrainEditing, has_choice: Callable[[], bool]) -> list[Com
     return [
         Command(
             id=f"grains.{name}", title=title, run=run, menu="Grains", tip=tip, enabled=has_choice,
-            separated=name == "grow",
+            separated=name == "grow", is_about_grains=True,
         )
         for name, title, run, tip in given
     ]  # fmt: skip

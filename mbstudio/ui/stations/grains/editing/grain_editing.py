@@ -22,7 +22,7 @@ from mbstudio.core.grains.editing.records import (
 )
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.label_writing import write_label_image
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.studio import Studio
 
 
@@ -68,10 +68,12 @@ class GrainEditing(QObject):
         count = len(self.chosen)
         self.make(
             Delete(labels=self.chosen),
-            tr("Delete {count} grains", count=count) if count > 1 else tr("Delete a grain"),
-            tr("Deleted {count} grains. Undo brings them back.", count=count)
-            if count > 1
-            else tr("Deleted a grain. Undo brings it back."),
+            plural(count, mark("Delete a grain"), mark("Delete {count} grains")),
+            plural(
+                count,
+                mark("Deleted a grain. Undo brings it back."),
+                mark("Deleted {count} grains. Undo brings them back."),
+            ),
         )
 
     def toggle_excluded(self) -> None:
@@ -80,19 +82,28 @@ class GrainEditing(QObject):
         if self._are_excluded(labels):
             self.make(
                 Include(labels=labels),
-                tr("Include {count} grains", count=count) if count > 1 else tr("Include a grain"),
-                tr("{count} grains take part again.", count=count)
-                if count > 1
-                else tr("A grain takes part again."),
+                plural(count, mark("Include a grain"), mark("Include {count} grains")),
+                plural(count, mark("A grain takes part again."), mark("{count} grains take part again.")),
             )
             return
         self.make(
             Exclude(labels=labels),
-            tr("Exclude {count} grains", count=count) if count > 1 else tr("Exclude a grain"),
-            tr("{count} grains are left out of fits, populations, learning and export.", count=count)
-            if count > 1
-            else tr("A grain is left out of fits, populations, learning and export."),
+            plural(count, mark("Exclude a grain"), mark("Exclude {count} grains")),
+            plural(
+                count,
+                mark("A grain is left out of fits, populations, learning and export."),
+                mark("{count} grains are left out of fits, populations, learning and export."),
+            ),
         )
+
+    def words_of_exclusion(self) -> str:
+        """Return what excluding or including the chosen grains is called now."""
+        labels = self.chosen
+        if not labels:
+            return tr("Exclude or include grains")
+        if self._are_excluded(labels):
+            return plural(len(labels), mark("Include grain"), mark("Include {count} grains"))
+        return plural(len(labels), mark("Exclude grain"), mark("Exclude {count} grains"))
 
     def grow(self) -> None:
         """Add a voxel all around the chosen grains."""

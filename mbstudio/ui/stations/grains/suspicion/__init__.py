@@ -1,0 +1,1 @@
+"""Suspicious grains at station Grains: looked for in `work`, told in `card`; begin at `tour`."""
