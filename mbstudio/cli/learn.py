@@ -126,13 +126,15 @@ def _begin(
     parents: Serialization, known: StyleLearner | None, preset: str, seed: int, options: dict[str, Any],
     checkpoint: Path,
 ) -> StyleTraining:  # fmt: skip
-    """Return a training, which goes on where it was ended before; that of a known style-learner is short."""
+    """Return a training, which goes on where it was ended before."""
     from mbstudio.core.vae.models.learning_on import learn_on
     from mbstudio.core.vae.models.training import StyleTraining
 
-    if known is not None:
-        return learn_on(known, parents, seed=seed, **options)
-    training = StyleTraining(parents, preset, seed=seed, **options)
+    training = (
+        StyleTraining(parents, preset, seed=seed, **options)
+        if known is None
+        else learn_on(known, parents, seed=seed, **options)
+    )
     _go_on(training, checkpoint)
     return training
 

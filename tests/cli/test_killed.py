@@ -228,6 +228,20 @@ def test_learning_goes_on_and_gives_the_same(mbstudio, tmp_path, monkeypatch):
     at_once, style = load_style_learner(Path("at once")), load_style_learner(Path("style"))
     np.testing.assert_array_equal(at_once.latents, style.latents)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["at once", "avatars.npz", "style"]
+    # Learning on goes on likewise.
+    save_serialization(boxes(24, np.random.default_rng(2)).take(np.arange(20, 24)), tmp_path / "new.npz")
+    more = ("learn", "new.npz", "--on", "style", "--steps", 40, "-o")
+    assert mbstudio(*more, "on at once").code == 0
+    killed_after("checkpoints", 2, *more, "on")
+    assert "going on from step" in mbstudio(*more, "on").err
+    at_once, on = load_style_learner(Path("on at once")), load_style_learner(Path("on"))
+    assert len(on.latents) == 24
+    np.testing.assert_array_equal(at_once.latents, on.latents)
+    # From another learner it begins anew.
+    killed_after("checkpoints", 2, *more, "third")
+    learned = mbstudio("learn", "avatars.npz", "--steps", 42, "-o", "style")
+    assert learned.code == 0
+    assert "third.checkpoint is damaged or of another training" in mbstudio(*more, "third").err
     # A checkpoint of another training, and one that was damaged, are no beginning.
     killed_after("checkpoints", 2, *words, "other", "--seed", 1)
     checkpoint = Path("other.checkpoint")

@@ -83,7 +83,9 @@ class AlignedTrainer:
         self.notes: tuple[str, ...] = (FEW_PARENTS,) if len(data.parents) < _ENOUGH_FOR_NETWORKS else ()
         self._old_and_new: tuple[Int[np.ndarray, " old"], Int[np.ndarray, " new"]] | None = None
         raw = raw_inputs(data.scaler, data.parents)
-        numbers = dict(start.numbers) if start is not None else initial_numbers(data, options, seed, raw)
+        # By name: a file has no order, and the norm of the gradient is a sum over the parameters.
+        known = {} if start is None else dict(sorted(start.numbers.items()))
+        numbers = known or initial_numbers(data, options, seed, raw)
         self._fixed = {name: numbers.pop(name) for name in ("input.mean", "input.scale", "parities")}
         numbers.setdefault("log_sigma", _FIRST_LOG_SIGMA.copy())
         self._inputs = ((raw - self._fixed["input.mean"]) / self._fixed["input.scale"]).astype(np.float32)

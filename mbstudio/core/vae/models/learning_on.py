@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from typing import Any
 
@@ -69,6 +70,7 @@ class LearningOn(StyleTraining):
         )
         self._old_steps = learner.card.steps
         self._begin(preset, seed, data, trainer, given)
+        self.begun_from = _digest(learner)
 
     def _validation_rows(self) -> Int[np.ndarray, " rows"]:
         """Return all parents: the new are to be learned and the old not to be forgotten."""
@@ -84,6 +86,15 @@ class LearningOn(StyleTraining):
             made = learner.decode(learner.latents[aside, : learner.core])
             card = replace(card, held_out_rms=float(surface_rms(some, made).mean()))
         return replace(learner, card=card)
+
+
+def _digest(learner: StyleLearner) -> str:
+    """Return the SHA-256 of the numbers of a model."""
+    found = hashlib.sha256()
+    for name, array in sorted(learner.model.tensors().items()):
+        found.update(f"{name} {array.dtype.str} {array.shape}".encode("ascii"))
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
 
 
 def learn_on(learner: StyleLearner, new: Serialization, *, seed: int = 0, **options: Any) -> LearningOn:

@@ -106,7 +106,7 @@ class PaperTrainer:
             numbers |= new_network(prefix, widths, rng)
         mean_diameter = np.array([data.parents.diameters.mean()])
         if start is not None:
-            numbers = dict(start.numbers)
+            numbers = dict(sorted(start.numbers.items()))  # a file has no order, sums have
             mean_diameter = numbers.pop("mean_diameter")
         self._mean_diameter = mean_diameter
         sizes = data.parents.diameters / mean_diameter

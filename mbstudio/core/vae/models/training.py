@@ -60,6 +60,8 @@ class StyleTraining:
     """
 
     _checkpoint: Path | None
+    begun_from: str
+    """Digest of the learner that it goes on from; empty where it begins with none."""
 
     def __init__(
         self,
@@ -104,6 +106,7 @@ class StyleTraining:
         self._checkpoint = None
         self._checkpoint_every = 1
         self._note = ""
+        self.begun_from = ""
 
     def __iter__(self) -> Iterator[TrainingStep]:
         return self
@@ -360,6 +363,7 @@ def _identity(training: StyleTraining) -> dict[str, Any]:
         "seed": training.seed,
         "options": json.loads(json.dumps(training.options)),
         "steps": training.trainer.steps,
+        **({"begun_from": training.begun_from} if training.begun_from else {}),
     }
 
 
