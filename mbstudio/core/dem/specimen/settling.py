@@ -16,6 +16,7 @@ from mbstudio.core.units import METRES_PER_UNIT
 
 GRAVITY = 9.81
 POISSON = 0.3
+_OVERLAP, _HEAVIEST = 0.05, 3.0
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,10 @@ class SettlingBox:
         Radius of the largest bounding sphere about a centre of mass, in m.
     smallest : float
         Smallest sphere radius, in m.
-    heaviest, lightest : float
+    heaviest, mean, lightest : float
         Masses in kg.
+    finest : float
+        Least share of a particle's reach that a sphere of it has for its radius.
     half : float
         Half the width of the box, in m.
     low, top : float
@@ -42,7 +45,9 @@ class SettlingBox:
     reach: float
     smallest: float
     heaviest: float
+    mean: float
     lightest: float
+    finest: float
     half: float
     low: float
     top: float
@@ -67,7 +72,9 @@ def settling_box(bodies: Sequence[DemBody], clumps: Sequence[Clump], poured: int
         reach,
         min(float(c.radii.min()) for c in clumps) * metres,
         max(body.mass.mass for body in bodies),
+        float(np.mean([body.mass.mass for body in bodies])),
         min(body.mass.mass for body in bodies),
+        finest_sphere(clumps),
         width / 2,
         low,
         low + layer + 2 * reach,
@@ -85,10 +92,20 @@ def specimen_box(specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence
         reach,
         float(radii.min()) * metres,
         float(masses.max()),
+        float(masses.mean()),
         float(masses.min()),
+        finest_sphere(clumps),
         specimen.half * metres,
         0.0,
         specimen.top * metres + reach,
+    )
+
+
+def finest_sphere(clumps: Sequence[Clump]) -> float:
+    """Return the least radius of a sphere over the reach of its own clump."""
+    return min(
+        float(clump.radii.min() / (np.linalg.norm(clump.centers, axis=1) + clump.radii).max())
+        for clump in clumps
     )
 
 
@@ -137,7 +154,8 @@ class SpringContact:
     Attributes
     ----------
     stiffness : float
-        N/m, such that the fall from the top of the box overlaps by a tenth of the smallest sphere.
+        N/m, such that a particle of mean mass that falls from the top of the box overlaps by a twentieth of
+        its reach, or by its smallest sphere; the heaviest one by at most three times that share of its own.
     damping : float
         1/s, times the effective mass.
     step : float
@@ -150,9 +168,16 @@ class SpringContact:
 
 
 def spring_contact(box: SettlingBox) -> SpringContact:
-    """Return a contact law for particles that fall from the top of a box, restitution about 0.3."""
-    stiffness = box.heaviest * 2 * GRAVITY * box.top / (0.1 * box.smallest) ** 2
+    """Return a contact law for particles that fall from the top of a box, restitution about 0.3.
+
+    A contact as stiff as the heaviest particle would need at a fraction of the smallest sphere takes ten
+    times the steps for the same packing: at rest particles overlap by some thousandths all the same.
+    """
+    share = min(_OVERLAP, box.finest)
+    mean_reach = box.reach * np.cbrt(box.mean / box.heaviest)
+    hardest = max(box.mean / mean_reach**2, box.heaviest / (_HEAVIEST * box.reach) ** 2)
+    stiffness = 2 * GRAVITY * box.top * hardest / share**2
     frequency = np.sqrt(stiffness / (box.lightest / 2))
-    # e = exp(-pi z / sqrt(1 - z**2)) is 0.3 at z = 0.358; the damping is 2 z times the slowest frequency.
-    damping = 2 * 0.358 * np.sqrt(stiffness / box.heaviest)
+    # e = exp(-pi z / sqrt(1 - z**2)) is 0.3 at z = 0.358, here for two particles of mean mass.
+    damping = 2 * 0.358 * np.sqrt(stiffness / (box.mean / 2))
     return SpringContact(float(stiffness), float(damping), float(f"{np.pi / frequency / 60:.3g}"))

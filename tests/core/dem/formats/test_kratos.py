@@ -88,6 +88,34 @@ def test_ten_clusters_settle_and_none_is_lost(avatars, kratos, tmp_path):
     assert (rows[:, 1] == 10).all()
     assert len(rows) > 10
     assert rows[-1, 2] < 0.02 * rows[:, 2].max()
+    settled = np.genfromtxt(out / "settled.csv", delimiter=",", names=True)
+    assert list(settled["number"]) == list(range(1, 11))
+    assert list(settled["kind"]) == [1 + number % 3 for number in range(10)]
+    turns = np.stack([settled[name] for name in ("qw", "qx", "qy", "qz")], axis=1)
+    assert np.linalg.norm(turns, axis=1) == pytest.approx(1, abs=1e-6)
+    assert settled["z_m"].min() > 0
+
+
+def test_a_run_that_goes_wrong_says_so_and_fails(avatars, kratos, tmp_path):
+    """With too long a time step the clusters are thrown about."""
+    out = tmp_path / "out"
+    export(avatars, "kratos", out, density=2650, spheres=6, poured=10)
+    parameters = json.loads((out / "ProjectParametersDEM.json").read_text())
+    parameters["MaxTimeStep"] *= 25
+    (out / "ProjectParametersDEM.json").write_text(json.dumps(parameters))
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONPATH", None)
+    done = subprocess.run(
+        [kratos, "settle.py"],
+        cwd=out,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode != 0
+    assert "lost" in done.stderr or "more energy" in done.stderr
 
 
 @pytest.fixture(scope="module")

@@ -142,6 +142,13 @@ def test_ten_molecules_settle_and_none_is_lost(avatars, lammps, tmp_path):
     assert highest[-1] < 0.35 * highest.max()
 
 
+def test_the_deck_takes_no_more_steps_than_its_packing_needs(avatars, tmp_path):
+    """Stiff for the mean grain: for the heaviest on the smallest sphere it took ten times as many."""
+    export(avatars, "lammps", tmp_path / "out", density=2650, spheres=20, poured=192)
+    steps = int(re.search(r"^run (\d+)", (tmp_path / "out" / "in.settle").read_text(), re.MULTILINE)[1])
+    assert steps < 250_000
+
+
 def test_the_molecule_is_written_as_the_engine_wants_it(avatar, tmp_path):
     out = tmp_path / "out"
     report = export(avatar, "lammps", out, density=2650, spheres=7)

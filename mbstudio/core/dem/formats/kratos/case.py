@@ -30,27 +30,65 @@ CASE_FILES = (
 _CLUSTERS, _BOX = CASE_FILES[3:]
 _LAW = "DEM_D_Hertz_viscous_Coulomb"
 
-SCRIPT = '''"""Let the clusters fall. Run within this folder: python settle.py"""
+SCRIPT = '''"""Let the clusters fall. Run within this folder: python settle.py
+
+Writes settled.csv: where every cluster came to rest and how it is turned (SI units, quaternion w x y z).
+Ends with an error if a cluster is lost, or if more energy is there than there was to fall.
+"""
+
+import csv
+import sys
 
 import KratosMultiphysics
 import KratosMultiphysics.DEMApplication as dem
 from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
 
+GRAVITY = 9.81
+
 
 class Settling(DEMAnalysisStage):
-    """Prints the kinetic energy of the clusters (translation) now and then."""
+    """Prints number and kinetic energy of the clusters now and then, and watches both."""
+
+    def Initialize(self):
+        super().Initialize()
+        self.count = len(self.cluster_model_part.Nodes)
+        self.energy_at_first = self.energies()[1]
+
+    def energies(self):
+        """Return the kinetic energy (translation) and the potential one, in J."""
+        kinetic = potential = 0.0
+        for node in self.cluster_model_part.Nodes:
+            velocity = node.GetSolutionStepValue(KratosMultiphysics.VELOCITY)
+            mass = node.GetSolutionStepValue(KratosMultiphysics.NODAL_MASS)
+            kinetic += 0.5 * mass * sum(v * v for v in velocity)
+            potential += mass * GRAVITY * node.Z
+        return kinetic, potential
 
     def OutputSolutionStep(self):
         super().OutputSolutionStep()
         process = self.spheres_model_part.ProcessInfo
         if process[KratosMultiphysics.TIME_STEPS] % 250:
             return
-        energy, nodes = 0.0, list(self.cluster_model_part.Nodes)
-        for node in nodes:
-            velocity = node.GetSolutionStepValue(KratosMultiphysics.VELOCITY)
-            mass = node.GetSolutionStepValue(KratosMultiphysics.NODAL_MASS)
-            energy += 0.5 * mass * sum(v * v for v in velocity)
-        print("SETTLING", process[KratosMultiphysics.TIME], len(nodes), energy, flush=True)
+        there = len(self.cluster_model_part.Nodes)
+        kinetic, potential = self.energies()
+        print("SETTLING", process[KratosMultiphysics.TIME], there, kinetic, flush=True)
+        if there != self.count:
+            sys.exit(f"{self.count - there} of {self.count} clusters are lost.")
+        if kinetic + potential > 1.05 * self.energy_at_first:
+            sys.exit("There is more energy than there was to fall: the time step is too long.")
+
+    def Finalize(self):
+        kinetic, _ = self.energies()
+        with open("settled.csv", "w", newline="") as stream:
+            rows = csv.writer(stream)
+            rows.writerow(["number", "kind", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"])
+            for number, element in enumerate(self.cluster_model_part.Elements, start=1):
+                node = element.GetNodes()[0]
+                turn = node.GetSolutionStepValue(KratosMultiphysics.ORIENTATION)
+                turned = [turn.W, turn.X, turn.Y, turn.Z]
+                rows.writerow([number, element.Properties.Id, node.X, node.Y, node.Z, *turned])
+        print(f"{len(self.cluster_model_part.Nodes)} of {self.count} clusters settled, {kinetic:.3g} J left.")
+        super().Finalize()
 
 
 if __name__ == "__main__":
@@ -156,7 +194,7 @@ def _parameters(half: float, top: float, step: float, seconds: float) -> dict[st
         "RotationalIntegrationScheme": "Direct_Integration",
         "MaxTimeStep": step,
         "FinalTime": seconds,
-        "NeighbourSearchFrequency": 20,
+        "NeighbourSearchFrequency": 1,  # what comes together between two searches goes through each other
         "do_print_results_option": False,
         "GraphExportFreq": 2 * seconds,
         "VelTrapGraphExportFreq": 2 * seconds,
