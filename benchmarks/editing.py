@@ -118,6 +118,7 @@ def correct(window: MainWindow, side: int) -> list[str]:
         view.move_slice(axis, side // 2 + CELL // 2)
     row = side // 2 + CELL / 2
     seen: list[tuple[float, float]] = []
+    column = 100 - 100 % CELL + CELL // 2
     middle = int(
         space.state.grains.label_volume[side // 2 + CELL // 2, int(row), 100 - 100 % CELL + CELL // 2]
     )
