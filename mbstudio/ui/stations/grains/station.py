@@ -133,7 +133,8 @@ class GrainStation(Station):
                 self.suspicion_work,
                 self.tour,
                 lambda: self.is_open,
-                lambda: not self.tools.can_accept,
+                lambda: self.tools.can_accept,
+                self.tools.accept,
             ),
             self.table_frame.command(
                 tr("Table of grains"),

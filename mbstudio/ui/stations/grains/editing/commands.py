@@ -164,7 +164,6 @@ def _of_tool(tools: SliceEditing) -> list[Command]:
             title=tr("Take what is shown"),
             run=tools.accept,
             menu="Grains",
-            shortcut="Return; Enter",
             tip=tr("Take the split or the new grain that the slices show"),
             enabled=lambda: tools.can_accept,
         ),

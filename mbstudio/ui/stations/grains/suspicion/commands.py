@@ -19,14 +19,15 @@ def suspicion_commands(
     work: SuspicionWork,
     tour: SuspicionTour,
     is_open: Callable[[], bool],
-    can_accept: Callable[[], bool],
+    can_take: Callable[[], bool],
+    take: Callable[[], object],
 ) -> list[Command]:
     """Return the commands of station Grains that go through suspicious grains.
 
     Parameters
     ----------
-    can_accept : callable
-        Whether Enter is free to accept a grain.
+    can_take, take : callable
+        Whether a tool shows something that is to be taken, and what takes it: the same key does.
     """
 
     def has_grains() -> bool:
@@ -65,13 +66,16 @@ def suspicion_commands(
         ),
         Command(
             id="grains.accept_suspect",
-            title=tr("Accept the suspicious grain"),
-            run=tour.accept,
+            title=tr("Take what is shown, or accept the grain"),
+            run=lambda: take() if can_take() else tour.accept(),
             menu="Grains",
             shortcut="Return; Enter",
             icon="ph.check",
-            tip=tr("The grain is right: go to the next; it is not shown again until it changes"),
-            enabled=lambda: is_open() and can_accept() and tour.can_accept_by_key,
+            tip=tr(
+                "Take the split or new grain that the slices show; else the suspicious grain is right: go to "
+                "the next, it is not shown again until it changes"
+            ),
+            enabled=lambda: can_take() or (is_open() and tour.can_accept_by_key),
         ),
         *_of_all(space, view, tour, has_grains),
     ]
