@@ -84,6 +84,29 @@ def unpacked(
     return out
 
 
+def inflated(data: bytes, size: int, window: str) -> bytes:
+    """Unpack up to one byte more than there should be, and compare the checksum that stands behind them.
+
+    Parameters
+    ----------
+    data : bytes
+    size : int
+        Bytes that there should be.
+    window : str
+        ``zlib``, ``gzip`` or ``zlib or gzip``.
+
+    Raises
+    ------
+    zlib.error
+        If it is damaged, or cut off.
+    """
+    inflate = zlib.decompressobj(_WINDOW[window])
+    content = inflate.decompress(data, size + 1)
+    if len(content) <= size and not inflate.eof:
+        raise zlib.error("it is cut off")
+    return content
+
+
 def _begins_again(content: bytes) -> bool:
     return content.startswith((b"\x1f\x8b", b"BZh"))
 

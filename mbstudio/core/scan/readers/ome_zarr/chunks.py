@@ -16,6 +16,7 @@ import numpy as np
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers.ome_zarr.nodes import Node, joined_key, metadata_of, named
 from mbstudio.core.scan.readers.ome_zarr.store import DOCUMENTS, ZarrFiles
+from mbstudio.core.scan.readers.unpacking import inflated
 
 _PACKERS = ("blosc", "bz2", "gzip", "lz4", "lzma", "zlib", "zstd")
 _LZMA_MEMORY = 2**28
@@ -134,7 +135,7 @@ def _unpacked(data: bytes, packer: str, size: int) -> bytes:
         raise _Damage(f"{len(data):,} bytes, too few for {size:,}")
     try:
         if packer in ("gzip", "zlib"):
-            return zlib.decompressobj(47).decompress(data, size + 1)
+            return inflated(data, size, "zlib or gzip")
         if packer == "bz2":
             return bz2.BZ2Decompressor().decompress(data, size + 1)
         if packer == "lzma":

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.errors import ScanError
+from mbstudio.core.scan.readers.unpacking import inflated
 from mbstudio.core.scan.readers.vtk_image.layout import Layout, StoredArray
 
 _TYPES = {
@@ -213,7 +214,7 @@ def _unpack(packed: bytes, packer: str, size: int) -> bytes:
     import imagecodecs
 
     if packer == "zlib":
-        return zlib.decompressobj().decompress(packed, size + 1)
+        return inflated(packed, size, "zlib")
     if packer == "lzma":
         return lzma.LZMADecompressor(memlimit=_LZMA_MEMORY).decompress(packed, size + 1)
     if size > 256 * len(packed) + 64:
