@@ -133,10 +133,10 @@ def _without_bodies(state: ProjectState, before: ProjectState) -> tuple[ProjectS
     """Take out what was fitted to grains of another form."""
     notes = []
     if state.fits:
-        notes.append(
-            f"The voxels change their form, so that {len(state.fits)} avatars no longer lie on their grains: "
-            "they are removed. Fit the grains again."
-        )
+        which = "an avatar no longer lies on its grain: it is removed"
+        if len(state.fits) > 1:
+            which = f"{len(state.fits)} avatars no longer lie on their grains: they are removed"
+        notes.append(f"The voxels change their form, so that {which}. Fit the grains again.")
     empty: Mapping[int, FitResult] = MappingProxyType({})
     found = replace(state, fits=empty, outdated=empty)
     if state.style is not None:

@@ -39,6 +39,7 @@ class VoxelSizeDialog(QDialog):
         self._state = state
         layout = QVBoxLayout(self)
         layout.setContentsMargins(22, 20, 22, 18)
+        layout.setSizeConstraint(QVBoxLayout.SizeConstraint.SetMinimumSize)  # long lengths are not cut
         layout.setSpacing(10)
         layout.addWidget(label(tr("Correct the voxel size"), "title"))
         words = tr(
