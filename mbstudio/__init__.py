@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbstudio.core.dem import export
     from mbstudio.core.errors import MbstudioError
     from mbstudio.core.grains import Grain, GrainSet, load_labels, segment
+    from mbstudio.core.grains.classifying import Stroke, VoxelClassifier, load_classifier
     from mbstudio.core.imaging import FitResult, fit, start_fit
     from mbstudio.core.metaball import Avatar
     from mbstudio.core.metrics import ShapeFactors, measure
@@ -34,11 +35,14 @@ _HOME_OF = {
     "Project": "project",
     "Scan": "scan",
     "ShapeFactors": "metrics",
+    "Stroke": "grains.classifying",
     "StyleLearner": "vae.models.style_learner",
+    "VoxelClassifier": "grains.classifying",
     "export": "dem",
     "fit": "imaging",
     "generate": "vae.generate.generator",
     "learn": "vae.models.training",
+    "load_classifier": "grains.classifying",
     "load_labels": "grains",
     "load_style_learner": "vae.models.style_learner",
     "measure": "metrics",
@@ -57,12 +61,15 @@ __all__ = [
     "Project",
     "Scan",
     "ShapeFactors",
+    "Stroke",
     "StyleLearner",
+    "VoxelClassifier",
     "__version__",
     "export",
     "fit",
     "generate",
     "learn",
+    "load_classifier",
     "load_labels",
     "load_style_learner",
     "measure",

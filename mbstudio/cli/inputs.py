@@ -69,6 +69,14 @@ DarkOption = Annotated[
         "--dark/--bright", help="Grains are darker, or brighter, than the void; detected by default."
     ),
 ]
+ClassifierOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--classifier",
+        metavar="FILE",
+        help="Voxels are grain where this classifier (*.mbclf), learned from strokes, takes them for it.",
+    ),
+]
 LabelsOption = Annotated[
     Path | None, typer.Option("--labels", metavar="FILE", help="Use this label image instead of segmenting.")
 ]
@@ -258,12 +266,21 @@ def _grey_values(text: str | None) -> dict[str, Any]:
 
 
 def find_grains(
-    project: Project, labels: Path | None, settings: dict[str, Any], anyway: bool = False
+    project: Project,
+    labels: Path | None,
+    settings: dict[str, Any],
+    anyway: bool = False,
+    classifier: Path | None = None,
 ) -> GrainSet:
     """Segment the project's scan, or load a label image made elsewhere, into the project.
 
     A scan that the memory is too small for is refused, unless it is to be tried anyway. Grains that the
     project has already keep their avatars.
+
+    Raises
+    ------
+    ClassifierError
+        If the classifier cannot be read, or does not fit the scan.
     """
     from mbstudio.core.grains import load_labels, segment
     from mbstudio.core.grains.segmentation import SegmentationSettings
@@ -274,13 +291,22 @@ def find_grains(
             "The project has no scan to segment: make a project from a scan with 'mbstudio segment'."
         )
     if labels is not None:
+        if classifier is not None:
+            raise MbstudioError("--labels and --classifier both say what is grain: give one of them.")
         grains = load_labels(labels, scan, splitting=settings.get("splitting"))
         _use_grains(project, "Load labels", grains, None)
         return grains
-    chosen = SegmentationSettings(**settings)
+    learned = None
+    if classifier is not None:
+        from mbstudio.core.grains.classifying import load_classifier
+
+        learned = load_classifier(classifier)
+    chosen = SegmentationSettings(**settings, by_classifier=learned is not None)
     _tell_memory(scan, anyway)
     with console.progress("Finding grains") as report:
-        grains = segment(scan, chosen, progress=report)
+        grains = segment(scan, chosen, classifier=learned, progress=report)
+    if learned is not None:
+        project.change("Load classifier", classifier=learned)
     _use_grains(project, "Find grains", grains, chosen)
     return grains
 
@@ -288,14 +314,21 @@ def find_grains(
 def _use_grains(
     project: Project, title: str, grains: GrainSet, settings: SegmentationSettings | None
 ) -> None:
-    """Bring grains into a project; if they are those that it has, its avatars stay."""
+    """Bring grains into a project; avatars stay whose grain has the same voxels as before."""
     from mbstudio.core.project.fit_journal import grains_digest
 
     before = project.grains
-    if before is not None and project.fits and grains_digest(before) == grains_digest(grains):
+    if before is not None and grains_digest(before) == grains_digest(grains):
         project.change(title, segmentation=settings)
     else:
-        project.change(title, grains=grains, segmentation=settings, fits={})
+        regraining = project.use_grains(grains, settings, title)
+        if regraining.discarded:
+            console.tell(
+                f"mbstudio: {len(regraining.discarded)} avatars are discarded, as their grains have other "
+                f"voxels now; {regraining.kept} stay."
+            )
+        for edit, reason in regraining.left_out:
+            console.tell(f"mbstudio: A correction by hand is left out: {edit.described()}: {reason}")
     _tell_doubts(grains)
 
 

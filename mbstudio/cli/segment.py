@@ -33,6 +33,7 @@ def segment(
     smallest: inputs.SmallestOption = None,
     threshold: inputs.ThresholdOption = None,
     dark: inputs.DarkOption = None,
+    classifier: inputs.ClassifierOption = None,
     scan: inputs.ScanOption = None,
     shape: inputs.ShapeOption = None,
     dtype: inputs.DtypeOption = None,
@@ -64,7 +65,11 @@ def segment(
         if output is not None:
             project.hold("mbstudio segment", output)
         grains = inputs.find_grains(
-            project, labels, inputs.segmentation_options(splitting, smallest, threshold, dark), anyway
+            project,
+            labels,
+            inputs.segmentation_options(splitting, smallest, threshold, dark),
+            anyway,
+            classifier,
         )
         result = {**describe_grains(grains), **describe_part(project)}
         if write_labels is not None:

@@ -58,6 +58,10 @@ class EditError(GrainError):
     """A correction of grains by hand that cannot be made."""
 
 
+class ClassifierError(SegmentationError):
+    """Strokes that teach nothing, or a classifier that cannot be read or does not fit a scan."""
+
+
 class GrainWarning(UserWarning):
     """Something about a grain was repaired, and the user should know."""
 

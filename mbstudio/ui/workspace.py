@@ -18,6 +18,7 @@ from mbstudio.core.grains.solid_voxels import solid_as_scan
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project import FitSettings, Project, ProjectState, ScanReference
 from mbstudio.core.project.merging import Merge
+from mbstudio.core.project.regraining import Regraining
 from mbstudio.core.project.state import ScanIdentity
 from mbstudio.core.project.voxel_size import VoxelSizeCorrection
 from mbstudio.core.scan import Scan
@@ -72,6 +73,7 @@ class Workspace(QObject):
     style_changed = Signal()
     clones_changed = Signal()
     kept_changed = Signal()
+    learning_changed = Signal()
     selection_changed = Signal()
     clone_changed = Signal()
     project_replaced = Signal()
@@ -154,6 +156,25 @@ class Workspace(QObject):
         self.project.change(title, **changes)
         self._coalescing = title if coalesce else None
         self._announce()
+
+    def amend(self, **changes: Any) -> None:
+        """Replace fields of the state as part of the last change: what follows from it, and came later."""
+        self.project.amend(**changes)
+        self._announce()
+
+    def use_grains(self, regraining: Regraining, title: str) -> None:
+        """Take other grains, with all that stays with them, as one step of undo."""
+        state = regraining.state
+        self.change(
+            title,
+            grains=state.grains,
+            segmentation=state.segmentation,
+            fits=state.fits,
+            outdated=state.outdated,
+        )
+        if self.chosen:
+            found = regraining.renumbered
+            self.choose([found[label] for label in sorted(self.chosen) if label in found])
 
     def use_scan(self, scan: Scan, reference: ScanReference, title: str = "") -> None:
         """Begin with a scan whose reference a worker has made."""
@@ -425,8 +446,13 @@ class Workspace(QObject):
             self.clones_changed.emit()
             if before_clone is not None:
                 self.clone_changed.emit()
+        self._announce_rest(before, now, all_of_it)
+        self.state_changed.emit()
+
+    def _announce_rest(self, before: ProjectState, now: ProjectState, all_of_it: bool) -> None:
         if all_of_it or now.kept is not before.kept:
             self.kept_changed.emit()
+        if all_of_it or now.strokes is not before.strokes or now.classifier is not before.classifier:
+            self.learning_changed.emit()
         if all_of_it or now.fit_settings != before.fit_settings or now.segmentation != before.segmentation:
             self.settings_changed.emit()
-        self.state_changed.emit()

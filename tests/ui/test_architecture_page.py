@@ -197,5 +197,7 @@ def test_the_groups_of_the_project_file(tmp_path, two_grains):
         assert "centers_offsets" in file["fits"]
     named = {f"/{name.split('/')[0]}" for name in re.findall(r"`/([\w/]+)`", text)}
     assert written <= named
-    assert named - written <= {"/scan", "/segmentation", "/style", "/clones", "/kept"}
+    assert named - written <= {
+        "/scan", "/segmentation", "/style", "/clones", "/kept", "/strokes", "/classifier",
+    }  # fmt: skip
     assert f"The format is number {SCHEMA}." in " ".join(text.split())

@@ -17,6 +17,7 @@ import numpy as np
 from mbstudio.core.batch.messages import Arrays, Head, Message, Report
 from mbstudio.core.batch.pool import Job, WorkerPool
 from mbstudio.core.errors import SegmentationError, SegmentationWarning
+from mbstudio.core.grains.classifying import VoxelClassifier, load_classifier
 from mbstudio.core.grains.editing.label_volume import LabelVolume
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.segmentation import Progress, SegmentationSettings, segment
@@ -25,9 +26,15 @@ from mbstudio.core.scan.field_of_view import FieldOfView
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.units import VoxelSize
 
+_CLASSIFIER = "classifier.mbclf"
+
 
 def segment_in_process(
-    scan: Scan, settings: SegmentationSettings | None = None, *, progress: Progress | None = None
+    scan: Scan,
+    settings: SegmentationSettings | None = None,
+    *,
+    classifier: VoxelClassifier | None = None,
+    progress: Progress | None = None,
 ) -> GrainSet:
     """Find the grains of a scan as :func:`mbstudio.core.grains.segment` does, in another process.
 
@@ -35,6 +42,7 @@ def segment_in_process(
     ----------
     scan : Scan
     settings : SegmentationSettings, optional
+    classifier : VoxelClassifier, optional
     progress : callable, optional
         ``progress(fraction, message)``, called at least ten times a second; what it raises ends
         the process.
@@ -51,7 +59,7 @@ def segment_in_process(
         If the process ends without a result, for example for want of memory.
     """
     with tempfile.TemporaryDirectory(prefix="mbstudio-segment-") as folder:
-        pool = WorkerPool(_Segmentation(settings or SegmentationSettings(), Path(folder)), 1)
+        pool = WorkerPool(_Segmentation(settings or SegmentationSettings(), Path(folder), classifier), 1)
         (grains,) = pool.map([scan], on_report=progress or (lambda _share, _message: None))
     return grains
 
@@ -64,8 +72,10 @@ class _Segmentation(Job[Scan, GrainSet]):
     keeps_answers = False  # the labels go through a file
     complaints: Path
 
-    def __init__(self, settings: SegmentationSettings, folder: Path) -> None:
-        self._settings, self._folder = settings, folder
+    def __init__(
+        self, settings: SegmentationSettings, folder: Path, classifier: VoxelClassifier | None = None
+    ) -> None:
+        self._settings, self._folder, self._classifier = settings, folder, classifier
         self.complaints = folder / "complaints.txt"
 
     def pack(self, scan: Scan) -> Message:
@@ -75,7 +85,10 @@ class _Segmentation(Job[Scan, GrainSet]):
             "voxel_size": asdict(scan.voxel_size),
             "origin": list(scan.origin),
             "path": str(scan.path) if scan.path else None,
+            "has_classifier": self._classifier is not None,
         }
+        if self._classifier is not None:
+            self._classifier.save(self._folder / _CLASSIFIER)
         voxels = scan.voxels
         if isinstance(voxels, np.memmap) and voxels.flags.c_contiguous and voxels.filename is not None:
             head["map"] = {
@@ -102,7 +115,9 @@ class _Segmentation(Job[Scan, GrainSet]):
         scan = Scan(voxels, VoxelSize(**head["voxel_size"]), tuple(head["origin"]), path)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", SegmentationWarning)
-            grains = segment(scan, SegmentationSettings(**head["settings"]), progress=report)
+            classifier = load_classifier(folder / _CLASSIFIER) if head["has_classifier"] else None
+            settings = SegmentationSettings(**head["settings"])
+            grains = segment(scan, settings, classifier=classifier, progress=report)
         np.save(folder / "labels.npy", grains.labels, allow_pickle=False)
         texts = [str(one.message) for one in caught if issubclass(one.category, SegmentationWarning)]
         verdict = grains.verdict.to_record() if grains.verdict is not None else None

@@ -42,12 +42,15 @@ class Foreground:
     interfaces : Interfaces or None
         Where the scan's phases meet; None where the grey values of grains were stated.
     phases : Phases or None
+    border : bool array, shape (Z, Y, X), or None
+        Voxels of the mask that lie between two grains, where a classifier tells these.
     """
 
     mask: Bool[np.ndarray, "Z Y X"]
     words: str
     interfaces: Interfaces | None = None
     phases: Phases | None = None
+    border: Bool[np.ndarray, "Z Y X"] | None = None
 
 
 def find_foreground(
@@ -122,7 +125,7 @@ def _select_phases(
     denoise_sigma: float,
 ) -> tuple[Bool[np.ndarray, "Z Y X"], float | LocalThreshold]:
     """Return which voxels are grain, and the threshold (its sign turned where grains are dark)."""
-    grey = _clipped(voxels, *_believed_range(voxels, view))
+    grey = _clipped(voxels, *believed_range(voxels, view))
     _denoise(grey, view, scan.voxel_size, denoise_sigma)
     sign = -1.0 if phases.dark else 1.0
     otsu = sign * _otsu(grey, view.mask)
@@ -182,17 +185,13 @@ def _select_ranges(
     denoise_sigma: float,
 ) -> Foreground:
     """Return which voxels lie in ranges of grey values that were stated."""
+    ranges = stated_ranges(threshold, ranges, dark)
     if threshold is not None:
-        ranges = (-math.inf, threshold) if dark else (threshold, math.inf)
         words = f"Grains are {'darker' if dark else 'brighter'} than {threshold:g}"
     else:
         between = [f"between {a:g} and {b:g}" for a, b in zip(ranges[::2], ranges[1::2], strict=True)]
         words = "Grains lie " + " or ".join(between)
-    low, high = _believed_range(voxels, view)
-    ends = [end for end in ranges if math.isfinite(end)]
-    span = high - low
-    low = min(low, min(ends) - span) if dark or threshold is None else low
-    high = max(high, max(ends) + span)
+    low, high = ends_of_clip(believed_range(voxels, view), ranges, threshold is not None, dark)
     grey = _clipped(voxels, low, high)
     _denoise(grey, view, scan.voxel_size, denoise_sigma)
     mask = np.zeros(grey.shape, np.bool_)
@@ -200,6 +199,24 @@ def _select_ranges(
         mask |= (grey > start) & (grey <= end)
     mask &= view.mask
     return Foreground(mask, words)
+
+
+def stated_ranges(threshold: float | None, ranges: tuple[float, ...], dark: bool) -> tuple[float, ...]:
+    """Return the ranges of grey values, in pairs, that are grain by a threshold or by ranges."""
+    if threshold is None:
+        return ranges
+    return (-math.inf, threshold) if dark else (threshold, math.inf)
+
+
+def ends_of_clip(
+    believed: tuple[float, float], ranges: tuple[float, ...], is_threshold: bool, dark: bool
+) -> tuple[float, float]:
+    """Return the grey values at which voxels are clipped before they are smoothed, beyond all stated ends."""
+    low, high = believed
+    ends = [end for end in ranges if math.isfinite(end)]
+    span = high - low
+    low = min(low, min(ends) - span) if dark or not is_threshold else low
+    return low, max(high, max(ends) + span)
 
 
 def _clipped(voxels: Shaped[np.ndarray, "Z Y X"], low: float, high: float) -> Float[np.ndarray, "Z Y X"]:
@@ -230,7 +247,7 @@ def _warn_about(phases: Phases, *, judged_dark: bool) -> None:
         )
 
 
-def _believed_range(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView) -> tuple[float, float]:
+def believed_range(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView) -> tuple[float, float]:
     """Return the grey values between which voxels are believed; all of them where nearly all are alike."""
     low, high = _quantiles(voxels, view.mask)
     if low == high:  # the few others are what there is to see

@@ -19,8 +19,10 @@ from jaxtyping import Bool, Float, Int, Shaped
 from scipy import ndimage
 
 from mbstudio.core.errors import ScanError, SegmentationError, SegmentationWarning
+from mbstudio.core.grains.classifying.learned_foreground import classify_foreground, grow_into_borders
+from mbstudio.core.grains.classifying.voxel_classifier import VoxelClassifier
 from mbstudio.core.grains.flooding import map_distances, split_by_necks
-from mbstudio.core.grains.foreground import find_foreground
+from mbstudio.core.grains.foreground import Foreground, find_foreground
 from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.grains.judging import compare_splittings, judge_labels
 from mbstudio.core.grains.labelling import (
@@ -66,6 +68,9 @@ class SegmentationSettings:
         surface is mostly convex.
     drop_border : bool
         Leave out grains that the box or the field of view cuts off.
+    by_classifier : bool
+        Whether a classifier that was learned from strokes says which voxels are grain, in place of smoothing
+        and threshold.
 
     Raises
     ------
@@ -80,6 +85,7 @@ class SegmentationSettings:
     smallest_voxels: int = 300
     drop_border: bool = False
     dark: bool | None = None
+    by_classifier: bool = False
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.denoise_sigma) and 0 <= self.denoise_sigma <= 20):
@@ -103,12 +109,18 @@ class SegmentationSettings:
             )
         if self.ranges and self.threshold is not None:
             raise SegmentationError("Give either a threshold or ranges, not both.")
+        for name in ("threshold", "ranges", "dark"):
+            if self.by_classifier and getattr(self, name) not in (None, ()):
+                raise SegmentationError(
+                    f"A classifier says which voxels are grain, and so does {name}: give one of them."
+                )
 
 
 def segment(
     scan: Scan,
     settings: SegmentationSettings | None = None,
     *,
+    classifier: VoxelClassifier | None = None,
     progress: Progress | None = None,
     **overrides: Any,
 ) -> GrainSet:
@@ -118,6 +130,8 @@ def segment(
     ----------
     scan : Scan
     settings : SegmentationSettings, optional
+    classifier : VoxelClassifier, optional
+        Learned from strokes: it says which voxels are grain, in place of smoothing and threshold.
     progress : callable, optional
         ``progress(fraction, message)``, called between the stages; what it raises ends the work.
     **overrides
@@ -133,23 +147,20 @@ def segment(
     ScanError
         If voxels inside the field of view are not numbers, or all are alike.
     SegmentationError
-        If a setting is unknown or impossible, or no grains are found.
+        If a setting is unknown or impossible, no grains are found, or the classifier does not fit the scan.
 
     Warns
     -----
     SegmentationWarning
-        If grains are found to be dark or wetted by a third phase, or impulses were replaced.
+        If grains are found to be dark or wetted by a third phase, impulses were replaced, or the classifier
+        was learned at another voxel size.
     """
-    settings = _with_overrides(settings or SegmentationSettings(), overrides)
+    settings = _with_overrides(settings or SegmentationSettings(), overrides, classifier)
     tell = progress or (lambda fraction, message: None)
     voxels, view = _read(scan, tell)
-    tell(0.14, "Denoising")
-    foreground = find_foreground(
-        scan, voxels, view, threshold=settings.threshold, ranges=settings.ranges, dark=settings.dark,
-        denoise_sigma=settings.denoise_sigma,
-    )  # fmt: skip
+    foreground = _find_foreground(scan, voxels, view, settings, classifier, tell)
     tell(0.40, foreground.words)
-    _fill_pinholes(foreground.mask, view)
+    border = _take_out_borders(foreground, view)
     tell(0.50, "Measuring distances")
     landscape = _distance_map(foreground.mask, view, scan.voxel_size)
     words, interfaces, phases = foreground.words, foreground.interfaces, foreground.phases
@@ -159,6 +170,9 @@ def segment(
     tell(0.75, "Parting them otherwise")
     agreements = _compare(landscape, labels, settings, scan.voxel_size) if count else {}
     del landscape
+    if border is not None:
+        grow_into_borders(labels, border)
+        del border
     tell(0.82, f"Sorting {count:,} pieces")
     count = _settle_fragments(labels, settings.smallest_voxels)
     tell(0.88, "Filling cavities")
@@ -171,10 +185,7 @@ def segment(
         _, _, _, cut = statistics(labels, view.rim_cutting(labels))
         count = renumber_kept(labels, ~cut)
     if not count:
-        raise SegmentationError(
-            f"No grains were found in {scan.path or 'the scan'}. {words}: "
-            "check the threshold, the smallest grain, and whether grains at the border are dropped."
-        )
+        raise SegmentationError(_nothing_found(scan, words))
     tell(0.97, "Making the table")
     grains = replace(
         build_grain_set(labels, scan.voxel_size, scan.origin, view.rim_cutting(labels)),
@@ -196,6 +207,43 @@ def _read(scan: Scan, tell: Progress) -> tuple[Shaped[np.ndarray, "Z Y X"], Fiel
     return _without_impulses(voxels, view), view
 
 
+def _take_out_borders(foreground: Foreground, view: FieldOfView) -> Bool[np.ndarray, "Z Y X"] | None:
+    """Fill pinholes of the solid in place, take borders between grains out of it, and return these."""
+    _fill_pinholes(foreground.mask, view)
+    if foreground.border is not None:
+        foreground.mask[foreground.border] = False
+    return foreground.border
+
+
+def _nothing_found(scan: Scan, words: str) -> str:
+    return (
+        f"No grains were found in {scan.path or 'the scan'}. {words}: "
+        "check the threshold, the smallest grain, and whether grains at the border are dropped."
+    )
+
+
+def _find_foreground(
+    scan: Scan,
+    voxels: Shaped[np.ndarray, "Z Y X"],
+    view: FieldOfView,
+    settings: SegmentationSettings,
+    classifier: VoxelClassifier | None,
+    tell: Progress,
+) -> Foreground:
+    """Return which voxels are grain, by grey values or by a classifier."""
+    if classifier is None:
+        tell(0.14, "Denoising")
+        return find_foreground(
+            scan, voxels, view, threshold=settings.threshold, ranges=settings.ranges, dark=settings.dark,
+            denoise_sigma=settings.denoise_sigma,
+        )  # fmt: skip
+    tell(0.14, "Classifying voxels")
+    solid, border = classify_foreground(
+        classifier, scan, voxels, view, lambda share, words: tell(0.14 + 0.26 * share, words)
+    )
+    return Foreground(solid, "Grains are what the classifier takes for them", border=border)
+
+
 def _compare(
     landscape: Float[np.ndarray, "Z Y X"],
     labels: Int[np.ndarray, "Z Y X"],
@@ -210,14 +258,21 @@ def _compare(
     )
 
 
-def _with_overrides(settings: SegmentationSettings, overrides: dict[str, Any]) -> SegmentationSettings:
+def _with_overrides(
+    settings: SegmentationSettings, overrides: dict[str, Any], classifier: VoxelClassifier | None
+) -> SegmentationSettings:
     known = SegmentationSettings.__dataclass_fields__
     for name in overrides:
         if name not in known:
             raise SegmentationError(
                 f"'{name}' is not a setting of the segmentation: use one of {', '.join(known)}."
             )
-    return replace(settings, **overrides)
+    settings = replace(settings, **overrides)
+    if classifier is not None:
+        return replace(settings, by_classifier=True)
+    if settings.by_classifier:
+        raise SegmentationError("The grains are to be found by a classifier: give it, or state a threshold.")
+    return settings
 
 
 def _without_impulses(voxels: Shaped[np.ndarray, "Z Y X"], view: FieldOfView) -> Shaped[np.ndarray, "Z Y X"]:
@@ -243,6 +298,36 @@ def _require_contrast(voxels: Shaped[np.ndarray, "Z Y X"], scan: Scan) -> None:
         raise ScanError(
             f"{name} is constant: every voxel is {low:g}. Check that the right file was exported."
         )
+
+
+def part_scan(
+    scan: Scan, settings: SegmentationSettings, classifier: VoxelClassifier | None = None
+) -> Int[np.ndarray, "Z Y X"]:
+    """Return labels 1..N of the grains of a scan, or of a region of one, as `segment` parts them.
+
+    They are neither judged nor freed of cavities: this is quick enough to be looked at while settings change.
+
+    Parameters
+    ----------
+    scan : Scan
+    settings : SegmentationSettings
+    classifier : VoxelClassifier, optional
+
+    Raises
+    ------
+    ScanError, SegmentationError
+        As :func:`segment` raises them; none where no grains are found.
+    """
+    voxels, view = _read(scan, lambda _share, _words: None)
+    foreground = _find_foreground(scan, voxels, view, settings, classifier, lambda _share, _words: None)
+    _take_out_borders(foreground, view)
+    landscape = _distance_map(foreground.mask, view, scan.voxel_size)
+    labels, count = split_by_necks(landscape, settings.splitting, _LEAST_DEPTH)
+    if foreground.border is not None:
+        grow_into_borders(labels, foreground.border)
+    if count:
+        _settle_fragments(labels, settings.smallest_voxels)
+    return labels
 
 
 def part_mask(

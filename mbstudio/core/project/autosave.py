@@ -37,6 +37,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "style": ("style", "clones"),
     "work": ("fits", "outdated", "fit_settings"),
     "kept": ("kept",),
+    "learning": ("strokes", "classifier"),
 }
 _NOTE = "note.json"
 _JOURNAL = "avatars.journal"

@@ -1,7 +1,7 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
 The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
-it. Layout (schema 6); every text is UTF-8, nothing is pickled::
+it. Layout (schema 7); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
@@ -17,9 +17,11 @@ it. Layout (schema 6); every text is UTF-8, nothing is pickled::
     /fits            see mbstudio.core.project.fit_table; changed: grains edited since they were fitted
     /style, /clones  see mbstudio.core.project.style_table; only where there are some
     /kept            see mbstudio.core.project.kept_table; only where there are some
+    /strokes, /classifier  see mbstudio.core.project.classifier_table; only where there are some
 
 Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans, schema 4 no
-meshes, schema 5 no corrections by hand: a project is written in the lowest that holds it.
+meshes, schema 5 no corrections by hand, schema 6 neither strokes nor a classifier: a project is written in
+the lowest that holds it.
 """
 
 from __future__ import annotations
@@ -41,6 +43,12 @@ import numpy as np
 from mbstudio.core.errors import MbstudioError, ProjectError
 from mbstudio.core.imaging.steps import FitResult, Method
 from mbstudio.core.own_files import is_own, mark_of
+from mbstudio.core.project.classifier_table import (
+    read_classifier,
+    read_strokes,
+    write_classifier,
+    write_strokes,
+)
 from mbstudio.core.project.fit_table import read_fits, write_fits
 from mbstudio.core.project.grain_table import (
     PACKED,
@@ -66,11 +74,12 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 6
+SCHEMA = 7
 _VOXELS = "scan/voxels"
 OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 """What numbers and JSON of another kind than expected lead to, wherever they are used."""
-_WITHOUT_EDITS, _WITHOUT_MESHES, _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 5, 4, 3, 2, 1
+_WITHOUT_STROKES, _WITHOUT_EDITS, _WITHOUT_MESHES = 6, 5, 4
+_WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
 
 
 def write_project(
@@ -220,19 +229,24 @@ def _accept(root: Mapping[str, Any], path: Path) -> None:
         )
 
 
-def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
-    # What older versions would lose unseen keeps them away; all else stays readable to them.
+def _lowest_schema(state: ProjectState) -> int:
+    """Return the lowest schema that holds a state: what older versions would lose unseen keeps them away."""
+    if state.strokes or state.classifier is not None:
+        return SCHEMA
     if state.grains is not None and is_edited(state.grains):
-        schema = SCHEMA
-    elif state.grains is not None and state.grains.meshes:
-        schema = _WITHOUT_EDITS
-    elif state.scan is not None and state.scan.excerpt is not None:
-        schema = _WITHOUT_MESHES
-    elif state.kept:
-        schema = _WITHOUT_PARTS
-    else:
-        styled = state.style is not None or state.clones is not None
-        schema = _WITHOUT_KEPT if styled else _WITHOUT_STYLE
+        return _WITHOUT_STROKES
+    if state.grains is not None and state.grains.meshes:
+        return _WITHOUT_EDITS
+    if state.scan is not None and state.scan.excerpt is not None:
+        return _WITHOUT_MESHES
+    if state.kept:
+        return _WITHOUT_PARTS
+    styled = state.style is not None or state.clones is not None
+    return _WITHOUT_KEPT if styled else _WITHOUT_STYLE
+
+
+def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: VoxelArray | None) -> None:
+    schema = _lowest_schema(state)
     file.attrs.update(format=FORMAT, schema=schema, written_by=f"mbstudio {__version__}")
     if state.scan is not None:
         _write_scan(file.create_group("scan"), path, state.scan, voxels)
@@ -250,6 +264,10 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         write_clones(file.create_group("clones"), state.clones)
     if state.kept:
         write_kept(file.create_group("kept"), state.kept)
+    if state.strokes:
+        write_strokes(file.create_group("strokes"), state.strokes)
+    if state.classifier is not None:
+        write_classifier(file.create_group("classifier"), state.classifier)
 
 
 def _read_state(stored: Stored, path: Path) -> ProjectState:
@@ -273,6 +291,8 @@ def _read_state(stored: Stored, path: Path) -> ProjectState:
         clones=read_clones(stored.group("clones"), path) if "clones" in stored else None,
         kept=read_kept(stored.group("kept")) if "kept" in stored else (),
         outdated=_read_outdated(stored.group("fits"), fits),
+        strokes=read_strokes(stored.group("strokes")) if "strokes" in stored else (),
+        classifier=read_classifier(stored.group("classifier"), path) if "classifier" in stored else None,
     )
 
 

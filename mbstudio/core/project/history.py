@@ -77,6 +77,10 @@ class History:
         del self._entries[: max(len(self._entries) - 1 - self._limit, 0)]
         self._position = len(self._entries) - 1
 
+    def amend(self, state: ProjectState) -> None:
+        """Put another state in the place of the present one, as part of the change that led to it."""
+        self._entries[self._position] = (self._entries[self._position][0], state)
+
     def undo(self) -> ProjectState:
         """Go back one change and return the state before it.
 

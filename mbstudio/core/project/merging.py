@@ -88,6 +88,8 @@ def merge_states(base: ProjectState | None, ours: ProjectState, theirs: ProjectS
         style=styled.style,
         clones=styled.clones,
         fit_settings=settings,
+        strokes=theirs.strokes if ours.strokes is begun.strokes else ours.strokes,
+        classifier=theirs.classifier if ours.classifier is begun.classifier else ours.classifier,
     )
     added = len(fits.keys() - ours.fits.keys()) + kept_added
     return Merge(state, added, tuple(sorted(in_both)))

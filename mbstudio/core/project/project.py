@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from psygnal import Signal
 
@@ -23,6 +23,7 @@ from mbstudio.core.project.history import History
 from mbstudio.core.project.lock import ProjectLock
 from mbstudio.core.project.merging import Merge, merge_states
 from mbstudio.core.project.project_journals import Entered, ProjectJournals
+from mbstudio.core.project.regraining import Regraining, regrain
 from mbstudio.core.project.scan_reference import refer_to, reopen
 from mbstudio.core.project.sealed_file import identify
 from mbstudio.core.project.state import ProjectState, ScanIdentity, ScanReference
@@ -30,6 +31,9 @@ from mbstudio.core.project.voxel_size import VoxelSizeCorrection, correct_voxel_
 from mbstudio.core.scan import Scan
 from mbstudio.core.scan.field_of_view import find_field_of_view
 from mbstudio.core.units import VoxelSize
+
+if TYPE_CHECKING:
+    from mbstudio.core.grains.segmentation import SegmentationSettings
 
 
 class Project:
@@ -211,6 +215,11 @@ class Project:
         """Replace fields of the state, as one change that can be undone; return the new state."""
         return self._push(replace(self.state, **changes), title)
 
+    def amend(self, **changes: Any) -> ProjectState:
+        """Replace fields of the state as part of the last change: what follows from it, and came later."""
+        self.history.amend(replace(self.state, **changes))
+        return self._changed()
+
     def use_scan(
         self,
         scan: Scan,
@@ -226,7 +235,8 @@ class Project:
         """
         reference = reference or refer_to(scan, embed=embed)
         self._open_scans[reference.identity] = scan
-        begun = replace(self.state, scan=reference, grains=None, fits=ProjectState().fits)
+        # What was painted lies in the scan before; what was learned from it may serve this one.
+        begun = replace(self.state, scan=reference, grains=None, fits=ProjectState().fits, strokes=())
         return self._push(begun, title)
 
     def add_fits(self, fits: Mapping[int, FitResult], title: str = "Fit avatars") -> ProjectState:
@@ -447,6 +457,22 @@ class Project:
                 state = state.with_edit(outcome)
             self._push(state, title)
         return replayed
+
+    def use_grains(
+        self, grains: GrainSet, settings: SegmentationSettings | None, title: str = "Find grains"
+    ) -> Regraining:
+        """Take other grains of the same scan, as one change; see :func:`regrain` for what stays.
+
+        Raises
+        ------
+        ProjectError, ScanError
+            As :meth:`edit_grains`.
+        """
+        before = self.state.grains
+        looks = before is not None and any(edit.needs_scan for edit in before.edits)
+        regraining = regrain(self.state, grains, settings, self.scan if looks else None)
+        self._push(regraining.state, title)
+        return regraining
 
     def grains_to_edit(self, scan: Scan | None = None) -> GrainSet:
         """Return the grains with the field of view, beyond which nothing may be painted.

@@ -14,6 +14,7 @@ from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
+    from mbstudio.core.grains.classifying import Stroke, VoxelClassifier
     from mbstudio.core.grains.editing.editable import EditOutcome
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
@@ -90,6 +91,10 @@ class ProjectState:
         Grains shaped by hand, of any style-learner that the project had.
     outdated : mapping of int to FitResult
         By grain label, fits whose grain was corrected by hand after it was fitted; see `changed_labels`.
+    strokes : tuple of Stroke
+        What was painted in the scan to tell voxels by.
+    classifier : VoxelClassifier or None
+        What was learned from strokes, in this scan or in another.
     """
 
     scan: ScanReference | None = None
@@ -101,6 +106,8 @@ class ProjectState:
     clones: Generation | None = None
     kept: tuple[KeptGrain, ...] = ()
     outdated: Mapping[int, FitResult] = field(default_factory=lambda: MappingProxyType({}))
+    strokes: tuple[Stroke, ...] = ()
+    classifier: VoxelClassifier | None = None
 
     @property
     def changed_labels(self) -> frozenset[int]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PySide6.QtCore import QEvent, QObject, QSize, Signal
 
 from mbstudio.core.grains import GrainSet
@@ -66,6 +66,10 @@ class SceneView(QObject):
         All that is shown was brought into the picture.
     shows_suspicion : bool
         Whether the overview is coloured by how suspicious grains are.
+    tints : dict of Axis to uint8 array, shape (h, w, 4)
+        What lies over the flat slices.
+    tinted : signal
+        Something else lies over them.
     picking : bool
         Whether a click chooses what lies under it; a tool that takes clicks itself switches it off.
     """
@@ -79,6 +83,7 @@ class SceneView(QObject):
     part_changed = Signal()
     part_dragged = Signal(object)
     fitted = Signal()
+    tinted = Signal()
 
     def __init__(self, studio: Studio) -> None:
         super().__init__(studio)
@@ -93,6 +98,7 @@ class SceneView(QObject):
         self.slice_tool: SliceTool | None = None
         self.brush: Brush | None = None
         self.marks: tuple[tuple[int, int, int], ...] = ()
+        self.tints: Mapping[Axis, UInt8[np.ndarray, "h w 4"]] = {}
         self._focus: object = None
         self._sliced: object = None
         self._placed: tuple[Any, ...] | None = None
@@ -324,6 +330,12 @@ class SceneView(QObject):
             volume = None if grains is None else grains.label_volume
             slices.set_labels(volume, 0 if grains is None else grains.last_label)
         self.slices_changed.emit()
+
+    def tint(self, tints: Mapping[Axis, UInt8[np.ndarray, "h w 4"]]) -> None:
+        """Lay pictures (red, green, blue, alpha) over the flat slices, one a slice; none for the others."""
+        if tints or self.tints:
+            self.tints = tints
+            self.tinted.emit()
 
     def mark_voxels(self, marks: Iterable[tuple[int, int, int]]) -> None:
         """Mark voxels in the flat slices."""

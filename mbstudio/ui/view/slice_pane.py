@@ -100,6 +100,7 @@ class SlicePane(QWidget):
         super().__init__()
         self.title, self.across = title, across
         self._image: QImage | None = None
+        self._tint: QImage | None = None
         self._shape = (1, 1)  # rows, columns
         self._spacing = (1.0, 1.0)
         self._cross = (0.0, 0.0)
@@ -182,6 +183,24 @@ class SlicePane(QWidget):
         if brush != self._trail.brush:
             self._trail.brush = brush
             self.update()
+
+    def set_tint(self, picture: UInt8[np.ndarray, "h w 4"] | None) -> None:
+        """Lay a picture (red, green, blue, alpha) over the slice, its first row lowest; None for none."""
+        if picture is None and self._tint is None:
+            return
+        self._tint = None
+        if picture is not None:
+            turned = np.ascontiguousarray(picture[::-1])
+            height, width, _ = turned.shape
+            self._tint = QImage(
+                turned.tobytes(), width, height, 4 * width, QImage.Format.Format_RGBA8888
+            ).copy()
+        self.update()
+
+    @property
+    def is_tinted(self) -> bool:
+        """Whether a picture lies over the slice."""
+        return self._tint is not None
 
     def set_cross(self, column: float, row: float) -> None:
         """Let the lines cross at a voxel; a magnified picture moves where that would not be seen."""
@@ -280,6 +299,8 @@ class SlicePane(QWidget):
             magnified = rect.width() > 2 * self._shape[1]
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, not magnified)
             painter.drawImage(rect, self._image)
+            if self._tint is not None:
+                painter.drawImage(rect, self._tint)
             self._grains.paint(painter, rect, self.rect(), self.devicePixelRatioF())
             self._paint_outlines(painter)
             self.box.paint(painter, rect, ground)

@@ -86,6 +86,7 @@ class SliceViews(QObject):
         self._view.slices_changed.connect(self.refresh)
         self._view.part_changed.connect(self._show_part)
         focus.region_asked.connect(self._zoom_to)
+        self._view.tinted.connect(self._show_tints)
         studio.workspace.scan_changed.connect(lambda: self.readout.clear())
         for plane, across in PLANES:
             pane, (first, second) = self._panes[across], axes_of(plane)
@@ -232,6 +233,7 @@ class SliceViews(QObject):
         self._show_part()
         self._show_bar()
         self._outline_avatar()
+        self._show_tints()
 
     def _show_bar(self) -> None:
         """Show fill and grey window in the bar."""
@@ -284,6 +286,15 @@ class SliceViews(QObject):
             place = origin[number] + slices.index[across] * edges[number]
             voxels = (section_lines(surface, number, float(place)) - origin) / edges
             pane.set_outlines([(voxels[..., axes], self._studio.theme.scene.avatar)])
+
+    def _show_tints(self) -> None:
+        """Lay over the slices what previews and strokes show."""
+        planes = self._view.scene.layers.slices.planes
+        for _, across in PLANES:
+            tint = self._view.tints.get(across)
+            if planes is None or tint is None or tint.shape[:2] != planes.images[across].shape[:2]:
+                tint = None  # of another scan
+            self._panes[across].set_tint(tint)
 
     def _show_part(self) -> None:
         """Show the part of the scan that is chosen in each pane."""

@@ -95,3 +95,14 @@ class HistoryAgainstTwoStacks(RuleBasedStateMachine):
 
 
 TestHistoryAgainstTwoStacks = HistoryAgainstTwoStacks.TestCase
+
+
+def test_what_follows_from_a_change_is_undone_with_it():
+    first, second, amended = (state_with(n) for n in (1, 2, 3))
+    history = History(first)
+    history.push(second, "two")
+    history.amend(amended)
+    assert history.state is amended
+    assert history.titles == ["two"]
+    assert history.undo() is first
+    assert history.redo() is amended

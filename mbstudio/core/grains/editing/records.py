@@ -15,7 +15,8 @@ from typing import Any, ClassVar
 from mbstudio.core.errors import EditError
 from mbstudio.core.grains.editing import brush, joining, new_grain, parting, reshaping
 from mbstudio.core.grains.editing.boxes import Voxel, holds
-from mbstudio.core.grains.editing.brush import Over, Point
+from mbstudio.core.grains.editing.brush import Over
+from mbstudio.core.grains.editing.stroke_voxels import Point
 from mbstudio.core.grains.editing.workbench import Workbench
 from mbstudio.core.translation import mark
 

@@ -49,6 +49,9 @@ class GrainLink(QObject):
         table.menu_asked.connect(studio.grain_menu.open)
         work.several.connect(lambda error, then: ask_which_array(error, then, studio.host))
         work.too_large.connect(self._ask_anyway)
+        work.would_discard.connect(
+            lambda why, take: studio.say("warning", why, tr("Take the new grains"), take)
+        )
 
     def _show_fits(self) -> None:
         state = self._studio.workspace.state

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -30,6 +31,7 @@ from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.factor_words import factor_label
 from mbstudio.ui.widgets.forms import NumberSlider, badge, label, primary_button, quiet_button, row, set_badge
+from mbstudio.ui.widgets.grey_histogram import GreyHistogram
 from mbstudio.ui.widgets.plots import Histogram
 from mbstudio.ui.workspace import Workspace
 
@@ -49,7 +51,8 @@ class GrainPanel(Panel):
         super().__init__(tr("Grains"), tr("Separate the grains from the pores and from each other."))
         self._workspace = workspace
         default = SegmentationSettings()
-        self._make_settings(default)
+        self._make_settings(default, theme)
+        self._learning_box: QWidget | None = None
         self._make_result(theme)
         self._tools: QWidget | None = None
         if suspicion is not None:
@@ -57,13 +60,15 @@ class GrainPanel(Panel):
         self.body.addStretch(1)
         self._make_foot()
         self.threshold_kind.currentIndexChanged.connect(self._threshold_kind_changed)
+        self.threshold.valueChanged.connect(lambda value: self.greys.set_threshold(value))
+        workspace.fits_changed.connect(self.tell_memory)
         workspace.grains_changed.connect(self.refresh)
         workspace.scan_changed.connect(self.refresh)
         workspace.settings_changed.connect(self._take_settings)
         self.show_settings(default)
         self.refresh()
 
-    def _make_settings(self, default: SegmentationSettings) -> None:
+    def _make_settings(self, default: SegmentationSettings, theme: Theme) -> None:
         self.smoothing = QDoubleSpinBox()
         self.smoothing.setRange(0.0, 5.0)
         self.smoothing.setSingleStep(0.1)
@@ -72,6 +77,7 @@ class GrainPanel(Panel):
         self.threshold_kind.addItem(tr("Automatic"), "")
         self.threshold_kind.addItem(tr("By hand"), "threshold")
         self.threshold_kind.addItem(tr("Ranges"), "ranges")
+        self.threshold_kind.addItem(tr("From strokes"), "classifier")
         self.ranges = QLineEdit()
         self.ranges.setPlaceholderText("90:140, 200:255")
         self.tone = QComboBox()
@@ -81,38 +87,23 @@ class GrainPanel(Panel):
         self.threshold = QDoubleSpinBox()
         self.threshold.setRange(-1e9, 1e9)
         self.threshold.setDecimals(1)
-        self.splitting = NumberSlider(
-            tr("Split touching grains"),
-            0.0,
-            1.0,
-            default.splitting,
-            0.01,
-            "{:.2f}",
-            tr(
-                "How strongly touching grains are split: too low a value merges grains, too high a value "
-                "breaks them"
-            ),
-            (tr("less"), tr("more")),
-        )
-        self.smallest = QSpinBox()
-        self.smallest.setRange(1, 1_000_000)
-        self.drop_border = QCheckBox(tr("Leave out grains cut by the edge"))
+        self._make_more(default, theme)
         self._settings = QWidget()
         fields = QVBoxLayout(self._settings)
         fields.setContentsMargins(0, 0, 0, 0)
         fields.setSpacing(10)
+        self._smoothing_row = row(
+            tr("Smoothing"),
+            self.smoothing,
+            tr("Standard deviation of the Gaussian filter before the threshold; 0: none"),
+            tr("voxels"),
+        )
+        self._tone_row = row(
+            tr("Grains are"), self.tone, tr("Automatic: the side whose surface is mostly convex")
+        )
         for field in (
-            row(
-                tr("Smoothing"),
-                self.smoothing,
-                tr("Standard deviation of the Gaussian filter before the threshold; 0: none"),
-                tr("voxels"),
-            ),
-            row(
-                tr("Grains are"),
-                self.tone,
-                tr("Automatic: the side whose surface is mostly convex"),
-            ),
+            self._smoothing_row,
+            self._tone_row,
             row(
                 tr("Threshold"),
                 self.threshold_kind,
@@ -132,9 +123,43 @@ class GrainPanel(Panel):
         smallest = row(
             tr("Smallest grain"), self.smallest, tr("Pieces with fewer voxels are discarded"), tr("voxels")
         )
-        for field in (self._threshold_row, self._ranges_row, self.splitting, smallest, self.drop_border):
-            fields.addWidget(field)
+        self.learning = QVBoxLayout()
+        self.learning.setContentsMargins(0, 0, 0, 0)
+        fields.addWidget(self._threshold_row)
+        fields.addWidget(self.greys)
+        fields.addWidget(self._ranges_row)
+        fields.addLayout(self.learning)
+        self.preview_button = quiet_button(tr("Preview the splitting"))
+        for more in (self.splitting, self.preview_button, smallest, self.drop_border):
+            fields.addWidget(more)
         self.add(self._settings)
+
+    def _make_more(self, default: SegmentationSettings, theme: Theme) -> None:
+        """Make the histogram, and what grains are parted by."""
+        self.greys = GreyHistogram(theme)
+        self.greys.dragged.connect(self._threshold_dragged)
+        self.splitting = NumberSlider(
+            tr("Split touching grains"),
+            0.0,
+            1.0,
+            default.splitting,
+            0.01,
+            "{:.2f}",
+            tr(
+                "How strongly touching grains are split: too low a value merges grains, too high a value "
+                "breaks them"
+            ),
+            (tr("less"), tr("more")),
+        )
+        self.smallest = QSpinBox()
+        self.smallest.setRange(1, 1_000_000)
+        self.drop_border = QCheckBox(tr("Leave out grains cut by the edge"))
+
+    def add_learning(self, box: QWidget) -> None:
+        """Put in what strokes are painted and learned with; it is seen where grains are told by them."""
+        self._learning_box = box
+        self.learning.addWidget(box)
+        self._threshold_kind_changed()
 
     def _make_result(self, theme: Theme) -> None:
         self._count = label("", "figure")
@@ -185,7 +210,8 @@ class GrainPanel(Panel):
             denoise_sigma=self.smoothing.value(),
             threshold=self.threshold.value() if kind == "threshold" else None,
             ranges=read_ranges(self.ranges.text()) if kind == "ranges" else (),
-            dark=self.tone.currentData(),
+            dark=self.tone.currentData() if kind != "classifier" else None,
+            by_classifier=kind == "classifier",
             splitting=self.splitting.value,
             smallest_voxels=self.smallest.value(),
             drop_border=self.drop_border.isChecked(),
@@ -195,6 +221,7 @@ class GrainPanel(Panel):
         """Put settings into the fields."""
         self.smoothing.setValue(settings.denoise_sigma)
         kind = "ranges" if settings.ranges else "threshold" if settings.threshold is not None else ""
+        kind = "classifier" if settings.by_classifier else kind
         self.threshold_kind.setCurrentIndex(self.threshold_kind.findData(kind))
         self.ranges.setText(write_ranges(settings.ranges))
         self.tone.setCurrentIndex((None, False, True).index(settings.dark))
@@ -218,6 +245,14 @@ class GrainPanel(Panel):
         self.threshold.setSingleStep(max((high - low) / 100, 0.001))
         if self.threshold_kind.currentData() != "threshold":
             self.threshold.setValue((low + high) / 2)
+
+    def show_greys(self, counts: np.ndarray, edges: np.ndarray) -> None:
+        """Show the histogram of the scan's grey values."""
+        self.greys.set_counts(counts, edges)
+        self.greys.set_threshold(self.threshold.value())
+
+    def _threshold_dragged(self, value: float) -> None:
+        self.threshold.setValue(value)
 
     def refresh(self) -> None:
         """Show the grains of the workspace."""
@@ -269,6 +304,14 @@ class GrainPanel(Panel):
             words = tr(
                 "Finding the grains takes about {needed} of memory.", needed=readable_bytes(need.needed, 2)
             )
+        fits = len(self._workspace.state.fits)
+        if fits:
+            kept = tr(
+                "The avatars of {count} grains stay where the grain does not change; you are asked before "
+                "any is discarded.",
+                count=fits,
+            )
+            words = f"{words} {kept}"
         self._hint.setText(words)
 
     def mark_grain(self, diameter: float | None) -> None:
@@ -278,6 +321,11 @@ class GrainPanel(Panel):
     def _threshold_kind_changed(self) -> None:
         kind = self.threshold_kind.currentData()
         self._threshold_row.setVisible(kind == "threshold")
+        self.greys.setVisible(kind == "threshold")
+        for widget in (self._smoothing_row, self._tone_row):
+            widget.setVisible(kind != "classifier")
+        if self._learning_box is not None:
+            self._learning_box.setVisible(kind == "classifier")
         self._ranges_row.setVisible(kind == "ranges")
 
     def _take_settings(self) -> None:

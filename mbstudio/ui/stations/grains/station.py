@@ -14,6 +14,11 @@ from mbstudio.ui.stations.grains.editing.commands import edit_commands
 from mbstudio.ui.stations.grains.editing.grain_editing import GrainEditing
 from mbstudio.ui.stations.grains.editing.slice_editing import SliceEditing
 from mbstudio.ui.stations.grains.editing.tool_box import ToolBox
+from mbstudio.ui.stations.grains.learning.commands import learning_commands
+from mbstudio.ui.stations.grains.learning.learning_box import LearningBox
+from mbstudio.ui.stations.grains.learning.preview_link import PreviewLink
+from mbstudio.ui.stations.grains.learning.slice_preview import SlicePreview
+from mbstudio.ui.stations.grains.learning.stroke_painting import StrokePainting
 from mbstudio.ui.stations.grains.link import GrainLink
 from mbstudio.ui.stations.grains.mesh_link import MeshLink
 from mbstudio.ui.stations.grains.mesh_work import MeshWork
@@ -64,6 +69,11 @@ class GrainStation(Station):
         self.tools = SliceEditing(studio, view, self.editing)
         self.tool_box = ToolBox(self.tools)
         self.panel.add_tools(self.tool_box)
+        self.preview = SlicePreview(studio, view)
+        self.painting = StrokePainting(studio, view, self.preview)
+        self.learning_box = LearningBox(self.painting)
+        self.panel.add_learning(self.learning_box)
+        self.preview_link = PreviewLink(studio, self.panel, self.preview, self.painting, lambda: self.is_open)
         self.mesh_work = MeshWork(space, studio.queue, self)
         self.mesh_link = MeshLink(studio, self.mesh_work)
 
@@ -90,6 +100,38 @@ class GrainStation(Station):
                 tip=tr("Load a label image made with another program"),
                 enabled=self._can_find,
             ),
+            *self._selection_commands(),
+            *edit_commands(
+                space,
+                self.editing,
+                self.tools,
+                lambda: self.is_open,
+                lambda: self.view.display.offers("grains"),
+            ),
+            *suspicion_commands(
+                space,
+                self.view,
+                self.suspicion_work,
+                self.tour,
+                lambda: self.is_open,
+                lambda: self.tools.can_accept,
+                self.tools.accept,
+            ),
+            *learning_commands(
+                space, self.painting, self.preview_link.preview_splitting, lambda: self.is_open
+            ),
+            self.table_frame.command(
+                tr("Table of grains"),
+                tr("Show or hide the table of grains"),
+                shortcut="Ctrl+T",
+                icon="ph.table",
+                separated=True,
+            ),
+        ]
+
+    def _selection_commands(self) -> list[Command]:
+        space = self.studio.workspace
+        return [
             Command(
                 id="grains.next",
                 title=tr("Next grain"),
@@ -119,29 +161,6 @@ class GrainStation(Station):
                 shortcut="Ctrl+D",
                 tip=tr("Show all grains in their colours"),
                 enabled=lambda: space.selected is not None,
-            ),
-            *edit_commands(
-                space,
-                self.editing,
-                self.tools,
-                lambda: self.is_open,
-                lambda: self.view.display.offers("grains"),
-            ),
-            *suspicion_commands(
-                space,
-                self.view,
-                self.suspicion_work,
-                self.tour,
-                lambda: self.is_open,
-                lambda: self.tools.can_accept,
-                self.tools.accept,
-            ),
-            self.table_frame.command(
-                tr("Table of grains"),
-                tr("Show or hide the table of grains"),
-                shortcut="Ctrl+T",
-                icon="ph.table",
-                separated=True,
             ),
         ]
 
@@ -184,6 +203,9 @@ class GrainStation(Station):
         self.studio.commands.bind(self.panel.load_button, "grains.load")
         self.tool_box.bind(self.studio.commands)
         self.tools.changed.connect(self._show_tool)
+        self.studio.commands.bind(self.panel.preview_button, "grains.preview_splitting")
+        self.learning_box.bind(self.studio.commands)
+        self.painting.taken_up.connect(self.tools.stop)
 
     def open(self, paths: Sequence[Path]) -> bool:
         if not any(means_meshes(path) for path in paths):
@@ -193,9 +215,15 @@ class GrainStation(Station):
 
     def enter(self) -> None:
         self.panel.tell_memory()
+        self.preview_link.enter()
 
     def leave(self) -> None:
         self.tools.stop()
+        self.preview_link.leave()
+
+    def close(self) -> None:
+        for part in (self.preview, self.painting, self.preview_link):
+            part.close()
 
     def _show_tool(self) -> None:
         if self.tools.tool:
@@ -211,5 +239,8 @@ class GrainStation(Station):
             settings = self.panel.settings()
         except MbstudioError as error:
             self.studio.say("error", str(error))
+            return
+        if settings.by_classifier and self.painting.is_learning:
+            self.studio.say("warning", tr("The strokes are still being learned: try again in a moment."))
             return
         self.work.find(settings)
