@@ -136,7 +136,8 @@ class ValueSlider(QWidget):
         self.lock.setCheckable(True)
         self.lock.setToolTip(tr("Lock: noise and Randomise leave “{title}” unchanged", title=title))
         self.lock.setAccessibleName(tr("Lock {title}", title=title))
-        self.lock.setVisible(lock)
+        if not lock:  # shown before it has a parent it would be a window of its own
+            self.lock.hide()
         icons.set(self.lock, "ph.lock-simple-open")
         self.lock.toggled.connect(
             lambda on: icons.set(
