@@ -121,8 +121,8 @@ def test_a_click_fills_what_a_grain_encloses(at_grains, grains):
     space, view = at_grains.workspace, at_grains.view
     hollow = grains.erased(1, [(12, 12, 14)], 3.0)
     space.change("Make a hole", grains=hollow)
+    space.select(1)  # to which the slices go
     view.move_slice(Z, 12)
-    space.select(1)
     press(at_grains, Qt.Key.Key_F)
     click(pane_across(at_grains, Z), 14, 12)
     same(at_grains, hollow.filled(1, (12, 12, 14), axis=0))
