@@ -304,12 +304,9 @@ class GrainPanel(Panel):
             words = tr(
                 "Finding the grains takes about {needed} of memory.", needed=readable_bytes(need.needed, 2)
             )
-        fits = len(self._workspace.state.fits)
-        if fits:
+        if self._workspace.state.fits:
             kept = tr(
-                "The avatars of {count} grains stay where the grain does not change; you are asked before "
-                "any is discarded.",
-                count=fits,
+                "Avatars stay where their grain does not change; you are asked before any is discarded."
             )
             words = f"{words} {kept}"
         self._hint.setText(words)
