@@ -35,6 +35,8 @@ from mbstudio.ui.stations.grains.table_model import (
 
 ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430), (RMS, 330), (COUNT, 260), (VERDICT, 240))
 """Columns that go first when the table is narrow, and the pixels that it needs to show each."""
+_MORE_ROOM = 80
+"""Pixels more for each of the columns that are there only sometimes."""
 _HIDDEN = "table/hidden"
 
 
@@ -228,9 +230,10 @@ class GrainTable(QTableView):
         # Beside plots not every column has room: the nominal diameter tells the volume as well, a grain that
         # the edge cuts has no avatar, and the panel at station Fit names the mesh.
         hidden = self.hidden_columns
-        if hidden is None:
-            hidden = {COLUMNS[place].name for place, needed in ROOM if self.width() < needed}
         needless = self._needless
+        if hidden is None:
+            room = self.width() - _MORE_ROOM * len({"use", "suspicion"} - needless)
+            hidden = {COLUMNS[place].name for place, needed in ROOM if room < needed}
         for place, column in enumerate(COLUMNS):
             self.setColumnHidden(place, column.name in hidden | needless)
         # A name stands beside the number.
