@@ -78,6 +78,7 @@ class Stations(QObject):
         self.entered.emit()
         if before is not self.current:
             before.leave()
+            self._studio.give_hint("")  # what was said of the other station
         self.current.enter()
         self._studio.refresh()
 

@@ -152,3 +152,11 @@ def test_undo_is_the_stations_where_it_has_a_history_else_the_projects(sieving):
 def test_an_unknown_station_is_no_attribute(sieving):
     with pytest.raises(AttributeError, match="no station “mill”"):
         _ = sieving.stations.mill
+
+
+def test_a_hint_of_one_station_does_not_stay_at_the_next(window):
+    window.enter("grains")
+    window.studio.give_hint("Grain 3 looks like several grains.")
+    assert window.statusBar().currentMessage()
+    window.enter("fit")
+    assert window.statusBar().currentMessage() == ""

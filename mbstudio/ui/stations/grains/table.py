@@ -35,7 +35,7 @@ from mbstudio.ui.stations.grains.table_model import (
 
 ROOM = ((SHARE, 580), (VOLUME, 500), (NAME, 430), (RMS, 330), (COUNT, 260), (VERDICT, 240))
 """Columns that go first when the table is narrow, and the pixels that it needs to show each."""
-_MORE_ROOM = 80
+_MORE_ROOM = 110
 """Pixels more for each of the columns that are there only sometimes."""
 _HIDDEN = "table/hidden"
 
