@@ -61,7 +61,7 @@ def pane(qtbot):
     pane.resize(412, 312)
     pane.set_colours("#ff0000", "#00ff00", "#0000ff", "#102030")
     pane.box.colour = "#ff00ff"
-    pane.show_slice(np.full((30, 40, 3), 200, np.uint8))
+    pane.show_slice(np.full((30, 40), 200, np.uint8))
     pane.show()
     qtbot.waitExposed(pane)
     return pane
