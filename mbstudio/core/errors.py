@@ -6,12 +6,18 @@ line prints it and the window shows it in the message bar, without a traceback.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
+_BREAKS = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")
+
 
 class MbstudioError(Exception):
-    """Base of every error with a message meant for the user."""
+    """Base of every error with a message meant for the user: one line, whatever a file put into it."""
+
+    def __str__(self) -> str:
+        return _BREAKS.sub(" ", super().__str__())
 
 
 class Cancelled(MbstudioError):

@@ -190,6 +190,35 @@ def _autosave(path: Path) -> str:
         found.release()
 
 
+def _classifier(path: Path) -> str:
+    from mbstudio.core.grains.classifying import load_classifier
+
+    found = load_classifier(path)
+    return digest(dict(found.entries), *(found.arrays[name] for name in sorted(found.arrays)))
+
+
+def _classifier_sealed_anew(path: Path) -> str:
+    """A stranger can seal whatever he has made."""
+    from mbstudio.core.sealing import HEADER_BYTES, seal_image
+
+    content = bytearray(path.read_bytes())
+    if len(content) >= HEADER_BYTES:
+        seal_image(memoryview(content))
+        path.write_bytes(content)
+    return _classifier(path)
+
+
+def _clump(path: Path) -> str:
+    from mbstudio.core.dem.formats.liggghts.target import read_spheres
+
+    return digest(read_spheres(path))
+
+
+class _ErrorOfTwoLines(ScanError):
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 def _bad(path: Path) -> str:
     """Do what no reader may do, to show that the harness sees it."""
     how = path.stem
@@ -201,7 +230,7 @@ def _bad(path: Path) -> str:
     elif how == "raise":
         raise ZeroDivisionError
     elif how == "lines":
-        raise ScanError(f"{path}\nis damaged.")
+        raise _ErrorOfTwoLines(f"{path}\nis damaged.")
     elif how == "nameless":
         raise ScanError("It is damaged.")
     elif how == "memory":
@@ -224,5 +253,8 @@ READERS: dict[str, Callable[[Path], str]] = {
     "avatar": _avatar,
     "export": _export,
     "autosave": _autosave,
+    "classifier": _classifier,
+    "classifier sealed anew": _classifier_sealed_anew,
+    "clump": _clump,
     "bad": _bad,
 }

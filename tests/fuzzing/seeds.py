@@ -388,6 +388,29 @@ def _autosaves(folder: Path) -> list[Case]:
     return [(files, ["root/work"])]
 
 
+def _classifiers(folder: Path) -> list[Case]:
+    from mbstudio.core.grains.classifying import Stroke, VoxelClassifier
+    from mbstudio.core.scan.scan import Scan
+    from mbstudio.core.units import VoxelSize
+
+    rng = np.random.default_rng(8)
+    inside = np.square(np.indices((8, 20, 20)) - np.array([4, 10, 10])[:, None, None, None]).sum(0) < 16
+    scan = Scan(
+        (1000 + 3000 * inside + rng.normal(0, 100, inside.shape)).astype(np.uint16), VoxelSize(1, 1, 1, "um")
+    )
+    strokes = [Stroke("grain", ((4, 10, 8), (4, 10, 12)), 1.0), Stroke("void", ((4, 2, 2), (4, 2, 17)), 1.0)]
+    VoxelClassifier.learned(scan, strokes, trees=3).save(folder / "sand.mbclf")
+    return cases_of_folder(folder)
+
+
+def _clumps(folder: Path) -> list[Case]:
+    from mbstudio.core.dem import export
+
+    export([_avatar()], "liggghts", folder / "out", density=2650.0)
+    rows = {path.name: path.read_bytes() for path in sorted((folder / "out").glob("*.multisphere"))}
+    return [(rows, sorted(rows))]
+
+
 Seeds = Callable[[Path], list[Case]]
 SEEDS: dict[str, tuple[str, Seeds]] = {
     "tiff": ("scan", _tiff),
@@ -418,8 +441,11 @@ SEEDS: dict[str, tuple[str, Seeds]] = {
     "avatars": ("avatar", _avatars),
     "exports": ("export", _exports),
     "autosaves": ("autosave", _autosaves),
+    "classifiers": ("classifier", _classifiers),
+    "unsealed-classifiers": ("classifier sealed anew", _classifiers),
+    "clumps": ("clump", _clumps),
 }
 """What is attacked: the reader of each kind of file, and what makes whole files of it."""
 
-CHECKSUMMED = ("projects", "styles", "serializations", "autosaves", "gzip", "png")
+CHECKSUMMED = ("projects", "styles", "serializations", "autosaves", "classifiers", "gzip", "png")
 """Kinds of file in which no flipped bit may pass unseen."""

@@ -15,7 +15,7 @@ import numpy as np
 from mbstudio.core.errors import MbstudioError, ScanError, ScanWarning, UnitError
 from mbstudio.core.scan.excerpt import Bin, Crop
 from mbstudio.core.scan.readers import Reading, ReadOptions, family_of, split_dataset
-from mbstudio.core.scan.readers.family import require_file
+from mbstudio.core.scan.readers.family import memory_refusal, require_file
 from mbstudio.core.scan.scan import Scan
 from mbstudio.core.scan.voxel_blocks import in_memory_bytes, is_mapped
 from mbstudio.core.units import METRES_PER_UNIT, VoxelSize, conversion_factor
@@ -132,8 +132,10 @@ def read_file(path: Path, options: ReadOptions) -> Reading:
     family = family_of(file, options)
     try:
         return family.read(file, options)
-    except (MbstudioError, MemoryError):
+    except MbstudioError:
         raise
+    except MemoryError as error:
+        raise memory_refusal(file) from error
     except OSError as error:
         raise ScanError(f"{file} cannot be read ({error}): check that you may read it.") from error
     except Exception as error:  # a file may be wrong in ways that its reader has not thought of

@@ -166,6 +166,14 @@ def require_memory(
         )
 
 
+def memory_refusal(path: Path) -> ScanError:
+    """Return the error of a file for which memory ran out while it was read."""
+    return ScanError(
+        f"{path} asks for more memory than there is: it is damaged, or too large to be read while other "
+        "programs run; copy it again, close them, or open a part of it."
+    )
+
+
 def physical_memory() -> int | None:
     """Return the bytes of memory of this machine, None where it does not say."""
     try:

@@ -9,7 +9,13 @@ import numpy as np
 
 from mbstudio.core.errors import ScanError
 from mbstudio.core.scan.readers import picture, tiff
-from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.scan.readers.family import (
+    Family,
+    Reading,
+    ReadOptions,
+    memory_refusal,
+    require_grey_volume,
+)
 from mbstudio.core.scan.readers.side_cars.beside_slices import size_beside_slices
 from mbstudio.core.scan.readers.skyscan import find_log
 from mbstudio.core.scan.readers.slice_names import SliceOrder, order_slices
@@ -154,8 +160,10 @@ def _read_image(file: Path, numbers: bool) -> tuple[np.ndarray, bool]:
             image, white_is_zero = tiff.read_image(file, numbers)
         else:
             image, white_is_zero = picture.read_picture(file, numbers), False
-    except (ScanError, MemoryError):
+    except ScanError:
         raise
+    except MemoryError as error:
+        raise memory_refusal(file) from error
     except Exception as error:  # the codecs raise errors of many unrelated types
         raise ScanError(f"The slice {file} cannot be read ({error}): copy or export it again.") from error
     if image.ndim != 2:

@@ -16,6 +16,7 @@ from mbstudio.core.scan.readers.family import (
     Family,
     Reading,
     ReadOptions,
+    memory_refusal,
     require_grey_volume,
     require_memory,
 )
@@ -153,8 +154,10 @@ def _voxels(document: Any, path: Path, options: ReadOptions) -> tuple[VoxelArray
                     page = again.pages[number]
                     whole = decode(_samples_last(page.asarray(), page.axes), meaning, path, numbers=numbers)
                     images.append(whole[block[1], block[2]].copy())
-        except (ScanError, MemoryError):
+        except ScanError:
             raise
+        except MemoryError as error:
+            raise memory_refusal(path) from error
         except Exception as error:  # as in read
             raise _unreadable(path, error) from error
         return np.stack(images)
