@@ -24,7 +24,7 @@ from mbstudio.core.dem.specimen.specimen import SpecimenPlan, make_specimen
 from mbstudio.core.dem.specimen.specimen_files import FILE_NAME as SPECIMEN_NAME
 from mbstudio.core.dem.specimen.specimen_files import check_specimen, describe_specimen, write_specimen
 from mbstudio.core.dem.target import Job, Progress, Target, complete_options, find_target
-from mbstudio.core.errors import ExportError
+from mbstudio.core.errors import ExportError, MbstudioError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import parse_unit
 
@@ -218,6 +218,10 @@ def validate(folder: str | Path, *, digests: bool = True) -> dict[str, Any]:
         chosen.validate(folder, manifest)
         if "specimen" in manifest:
             check_specimen(folder, manifest)
+    except ExportError:
+        raise
+    except MbstudioError as error:  # of what is made of the files: an avatar in two pieces
+        raise ExportError(f"{folder} holds what cannot be used: {error} Export again.") from error
     except (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError) as error:
         told = " ".join(str(error).split())[:200]
         raise ExportError(

@@ -8,15 +8,14 @@ go of the lock however the program ends, so that a folder whose lock is free was
 from __future__ import annotations
 
 import errno
-import json
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from mbstudio.core.errors import ProjectError
 from mbstudio.core.locking import try_lock
@@ -67,6 +66,15 @@ class AutosaveNote:
     def title(self) -> str:
         """Name of the project file, or what an unsaved project is called."""
         return self.path.name if self.path is not None else "Untitled project"
+
+
+class _Contents(NamedTuple):
+    """What the note of autosaved work says: the file of each part, its digest, how the project was opened."""
+
+    note: AutosaveNote
+    parts: dict[str, str]
+    digests: dict[str, str]
+    opened_as: str | None
 
 
 class Autosave:
@@ -212,7 +220,7 @@ class Autosave:
         ProjectError
             If the note is damaged.
         """
-        return self._read_note()[0]
+        return self._read_note().note
 
     def restore(self) -> Project:
         """Return the project as it was written last, with what was finished since: unsaved, with its path.
@@ -222,9 +230,8 @@ class Autosave:
         ProjectError
             If it is damaged.
         """
-        note, parts = self._read_note()
-        told = json.loads((self.folder / _NOTE).read_bytes())
-        self._require_its_parts(parts, told.get("digests", {}))
+        note, parts, digests, opened_as = self._read_note()
+        self._require_its_parts(parts, digests)
         state, scan = ProjectState(), None
         for name, file in parts.items():  # a note of an earlier version names fewer
             part = read_project(self.folder / file)
@@ -237,12 +244,12 @@ class Autosave:
         # A part that is not there is not written yet: the next write makes it.
         complete = parts.keys() == PARTS.keys()
         self._written, self._parts = (state, parts) if complete else (None, {})
-        project = Project.recovered(state, note.path, scan, told.get("opened_as"))
+        project = Project.recovered(state, note.path, scan, opened_as)
         for place in (None, self.journal):
             project.take_from_journal(place)
         return project
 
-    def _require_its_parts(self, parts: dict[str, str], digests: dict[str, str]) -> None:
+    def _require_its_parts(self, parts: Mapping[str, str], digests: Mapping[str, str]) -> None:
         """Refuse parts that are not those which the note was written with."""
         for name, digest in digests.items():
             if name in parts and identify(self.folder / parts[name]) != digest:
@@ -251,8 +258,8 @@ class Autosave:
                     "it was damaged or replaced, and nothing of it was read."
                 )
 
-    def _read_note(self) -> tuple[AutosaveNote, dict[str, str]]:
-        """Return what it holds, and the file of each part."""
+    def _read_note(self) -> _Contents:
+        """Return what its note says."""
         try:
             content = (self.folder / _NOTE).read_bytes()
             check_json(content)
@@ -268,6 +275,10 @@ class Autosave:
                 or not parts
             ):
                 raise ValueError("it names files that do not belong to a project")
+            digests = {str(name): str(digest) for name, digest in dict(told.get("digests", {})).items()}
+            opened_as = told.get("opened_as")
+            if not (opened_as is None or isinstance(opened_as, str)):
+                raise ValueError("'opened_as' is no text")
         except (
             AttributeError,
             LookupError,
@@ -280,7 +291,7 @@ class Autosave:
             told = " ".join(str(error).split())[:200]
             reason = f"{told} is missing" if isinstance(error, KeyError) else told
             raise ProjectError(f"The autosaved work in {self.folder} cannot be read ({reason}).") from error
-        return note, parts
+        return _Contents(note, parts, digests, opened_as)
 
 
 def _lock_path(folder: Path) -> Path:

@@ -146,6 +146,8 @@ def test_damage_is_told(root):
         {"saved": "yesterday"},
         {"grains": None},
         {"path": 5},
+        {"digests": "none"},
+        {"opened_as": ["?"]},
     ],
     ids=str,
 )

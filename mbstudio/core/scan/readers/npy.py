@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from mbstudio.core.errors import ScanError
-from mbstudio.core.scan.readers.family import Family, Reading, ReadOptions, require_grey_volume
+from mbstudio.core.scan.readers.family import (
+    Family,
+    Reading,
+    ReadOptions,
+    memory_refusal,
+    require_grey_volume,
+)
 from mbstudio.core.scan.readers.pixels import PixelMeaning, decode, plain_numbers
 
 
@@ -26,8 +32,8 @@ def read(path: Path, options: ReadOptions) -> Reading:
         )
     try:
         voxels = np.load(path, mmap_mode="r", allow_pickle=False)
-    except MemoryError:
-        raise
+    except MemoryError as error:
+        raise memory_refusal(path) from error
     except Exception as error:  # of a wrong header, numpy raises errors of many unrelated types
         if "allow_pickle" in str(error) or "Object arrays" in str(error):
             raise ScanError(

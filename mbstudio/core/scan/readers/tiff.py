@@ -82,8 +82,10 @@ def read(path: Path, options: ReadOptions) -> Reading:
                 )
             voxels, white_is_zero, notes = _voxels(document, path, options)
             size = stated_size(document)
-    except (ScanError, MemoryError):
+    except ScanError:
         raise
+    except MemoryError as error:
+        raise memory_refusal(path) from error
     except Exception as error:  # the parser and the codecs raise errors of many unrelated types
         raise _unreadable(path, error) from error
     return Reading(

@@ -16,6 +16,7 @@ from mbstudio.core.scan.readers.family import (
     Family,
     Reading,
     ReadOptions,
+    memory_refusal,
     require_grey_volume,
     require_memory,
 )
@@ -68,8 +69,10 @@ def read(path: Path, options: ReadOptions) -> Reading:
     try:
         with olefile.OleFileIO(path) as ole:
             said, streams = _contents(ole, path)
-    except (ScanError, MemoryError):
+    except ScanError:
         raise
+    except MemoryError as error:
+        raise memory_refusal(path) from error
     except Exception as error:  # the parser raises errors of many unrelated types
         raise ScanError(
             f"{path} cannot be read as XRadia's ({str(error) or type(error).__name__}): "

@@ -344,3 +344,33 @@ def test_mutated_files_are_read_or_refused(tmp_path: Path, volume: np.ndarray, l
         amira(labels, packing="HxByteRLE", name="Labels", more=more),
     ]  # fmt: skip
     assert problems_of(tmp_path, [({"s.am": content}, ["s.am"]) for content in files], 200) == []
+
+
+def test_a_declaration_of_one_long_word_is_refused_at_once(tmp_path: Path, volume: np.ndarray) -> None:
+    """In a process with 10 s of processor: each letter once began a search of its own, for minutes."""
+    content = amira(volume.astype("uint16"))
+    (tmp_path / "s.am").write_bytes(content.replace(b"Lattice {", b"Lattice {" + b"N" * 400_000, 1))
+    program = (
+        "import resource, sys\nresource.setrlimit(resource.RLIMIT_CPU, (10, 10))\n"
+        "from mbstudio.core.errors import ScanError\nfrom mbstudio.core.scan import open_scan\n"
+        "try: open_scan(sys.argv[1])\nexcept ScanError as error: print(error)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "s.am")], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert "s.am" in run.stdout
+
+
+def test_memory_that_runs_out_is_told_with_the_file(
+    tmp_path: Path, volume: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "s.npy"
+    np.save(path, volume)
+
+    def run_out(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(np, "load", run_out)
+    with pytest.raises(ScanError, match=r"s\.npy asks for more memory than there is"):
+        open_scan(path, voxel_size="1 um")

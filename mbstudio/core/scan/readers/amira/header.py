@@ -21,10 +21,12 @@ _FIRST_DATA = re.compile(rb"\n@1[^\n]*\n")
 # Blanks alone, and no line ends: a header of blank lines must not be gone through again from each of them.
 _LATTICE = re.compile(r"^[ \t]*define[ \t]+Lattice\b([^\n]*)$", re.MULTILINE | re.IGNORECASE)
 _DEFINED = re.compile(r"^[ \t]*define[ \t]+(\w{1,40})", re.MULTILINE | re.IGNORECASE)
+# Possessive: a long word must not be tried again from each of its letters.
 _FIELD = re.compile(
-    r"^[ \t]*Lattice[ \t]*\{[ \t]*(?P<type>\w+)[ \t]*(?:\[[ \t]*(?P<samples>\d{1,4})[ \t]*\])?[ \t]*"
-    r"(?P<name>[^\s{}]+)[ \t]*\}[ \t]*=?[ \t]*(?:\w+[ \t]*\([ \t]*)?@(?P<number>\d{1,6})[ \t]*\)?[ \t]*"
-    r"(?:\([ \t]*(?P<packing>\w+)[ \t]*(?:,[ \t]*(?P<length>\d{1,18}))?[ \t]*\))?",
+    r"^[ \t]*+Lattice[ \t]*+\{[ \t]*+(?P<type>\w++)[ \t]*+(?:\[[ \t]*+(?P<samples>\d{1,4})[ \t]*+\])?+[ \t]*+"
+    r"(?P<name>[^\s{}]++)[ \t]*+\}[ \t]*+=?+[ \t]*+(?:\w++[ \t]*+\([ \t]*+)?+@(?P<number>\d{1,6})[ \t]*+"
+    r"\)?[ \t]*+"
+    r"(?:\([ \t]*+(?P<packing>\w++)[ \t]*+(?:,[ \t]*+(?P<length>\d{1,18}))?[ \t]*+\))?",
     re.MULTILINE | re.IGNORECASE,
 )
 _TOKEN = re.compile(r'"(?:[^"\\\n]|\\.)*"|[{}]|\n|[^\s{}"]+|"')
