@@ -52,7 +52,7 @@ def band_energies(
     corners = split_to_edges(corners, 0.1 * float(np.linalg.norm(corners, axis=2).mean()))
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(middle, axis=1)
-    values = _real_harmonics(middle / radius[:, None], bands)
+    values = real_harmonics(middle / radius[:, None], bands)
     coefficients = values @ (solid_angles(corners) * radius)
     degree = np.floor(np.sqrt(np.arange(len(coefficients)) + 0.5)).astype(int)
     energies = np.bincount(degree, weights=coefficients**2)
@@ -70,7 +70,7 @@ def solid_angles(corners: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, " f"]
     return angles
 
 
-def _real_harmonics(directions: Float[np.ndarray, "f 3"], bands: int) -> Float[np.ndarray, "k f"]:
+def real_harmonics(directions: Float[np.ndarray, "f 3"], bands: int) -> Float[np.ndarray, "k f"]:
     """Return the orthonormal real harmonics by degree, shape ((bands + 1)**2, f).
 
     By the stable recurrence of the normalised associated Legendre functions (Holmes & Featherstone 2002).
