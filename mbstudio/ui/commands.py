@@ -76,6 +76,7 @@ class CommandTable(QObject):
         self._icons, self._host = icons, host
         self._commands: dict[str, Command] = {}
         self._actions: dict[str, QAction] = {}
+        self._is_outdated = False
 
     def add(self, commands: Iterable[Command]) -> None:
         """Take commands in; each gets its action.
@@ -114,7 +115,8 @@ class CommandTable(QObject):
         return iter(self._commands.values())
 
     def action(self, command_id: str) -> QAction:
-        """Return the action of a command, for a menu, a button or a test."""
+        """Return the action of a command, for a menu, a button or a test; as it is to be seen now."""
+        self.bring_up_to_date()
         return self._actions[command_id]
 
     def run(self, command_id: str) -> bool:
@@ -150,8 +152,18 @@ class CommandTable(QObject):
         button.clicked.connect(press)
         follow()
 
+    def outdate(self) -> None:
+        """Tell that commands may have changed, and that `refresh` will be called soon."""
+        self._is_outdated = True
+
+    def bring_up_to_date(self) -> None:
+        """Refresh if something may have changed since."""
+        if self._is_outdated:
+            self.refresh()
+
     def refresh(self) -> None:
         """Ask every command whether it can be used now, whether it is switched on and to be seen."""
+        self._is_outdated = False
         for command in self:
             action = self._actions[command.id]
             action.setEnabled(command.enabled())

@@ -218,8 +218,9 @@ class MainWindow(QMainWindow):
     def _connect_signals(self) -> None:
         studio, space = self.studio, self.workspace
         self._deferred = DeferredCalls(self)
+        self._undo_and_redo = self.commands.action("edit.undo"), self.commands.action("edit.redo")
         for signal in (studio.refresh_asked, space.state_changed, self.queue.changed, self.message_bar.shown):
-            signal.connect(lambda *_: self.refresh())
+            signal.connect(lambda *_: self._refresh_soon())
         # Esc belongs to the measurements again.
         self.message_bar.gone.connect(lambda: self._deferred.call(self.refresh))
         studio.hint_given.connect(self.statusBar().showMessage)
@@ -251,16 +252,29 @@ class MainWindow(QMainWindow):
         self._panels.setCurrentWidget(station.panel)
         self.docks.show()
 
+    def _refresh_soon(self) -> None:
+        """Show the project, and bring the commands up to date once the event loop is free.
+
+        A correction of grains tells of a dozen changes, and each command looks at the project.
+        """
+        if not self._closing:
+            self._show_project()
+            self.commands.outdate()
+            self._deferred.call(self.refresh)
+
     def refresh(self) -> None:
         """Bring commands, buttons and the title up to date."""
         if self._closing:
             return
         self.commands.refresh()
+        self._show_project()
+
+    def _show_project(self) -> None:
+        """Show what there is, what can be undone, and the title."""
         undone, redone = self.undo.undo_title, self.undo.redo_title
-        undo = tr("Undo: {change}", change=undone) if undone else tr("Undo")
-        redo = tr("Redo: {change}", change=redone) if redone else tr("Redo")
-        self.commands.action("edit.undo").setText(undo)
-        self.commands.action("edit.redo").setText(redo)
+        undo, redo = self._undo_and_redo
+        undo.setText(tr("Undo: {change}", change=undone) if undone else tr("Undo"))
+        redo.setText(tr("Redo: {change}", change=redone) if redone else tr("Redo"))
         self._pages.setCurrentIndex(1 if self.view.has_content else 0)
         self.setWindowTitle(tr("{project}[*] – MetaBall Studio", project=self.workspace.title))
         self.setWindowModified(self.workspace.is_modified)
@@ -321,6 +335,9 @@ class MainWindow(QMainWindow):
 
     def event(self, event: QEvent) -> bool:
         """Leave Enter to a field that is being written in, though a command has it too."""
+        if event.type() == QEvent.Type.ShortcutOverride:
+            # A key may come before the event loop was free: what it does must not be greyed out from before.
+            self.commands.bring_up_to_date()
         if (
             event.type() == QEvent.Type.ShortcutOverride
             and isinstance(event, QKeyEvent)

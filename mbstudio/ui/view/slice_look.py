@@ -21,6 +21,8 @@ class SliceLook(QObject):
         Of the grains' fill, 0 to 1.
     outlines, chosen_only, avatar : bool
         Whether grains are outlined, only chosen ones are shown, the avatar's outline is shown.
+    isolated : bool
+        Whether chosen grains are shown alone in every view.
     """
 
     changed = Signal()
@@ -33,11 +35,11 @@ class SliceLook(QObject):
         self.outlines = settings.value("slice_outlines", "true") != "false"
         self.avatar = settings.value("slice_avatar", "true") != "false"
         # Not kept: a window that shows one grain of many at its start would be taken for a fault.
-        self.chosen_only = False
+        self.chosen_only = self.isolated = False
 
     def label_look(self, chosen: frozenset[int]) -> LabelLook:
         """Return how labels are drawn while some grains are chosen."""
-        only = chosen if self.chosen_only and chosen else None
+        only = chosen if (self.chosen_only or self.isolated) and chosen else None
         return LabelLook(self.opacity, self.outlines, only, chosen)
 
     def set_opacity(self, opacity: float) -> None:
@@ -55,6 +57,11 @@ class SliceLook(QObject):
     def set_chosen_only(self, wanted: bool) -> None:
         """Show no grains but the chosen ones, or all."""
         self.chosen_only = wanted
+        self.changed.emit()
+
+    def set_isolated(self, isolated: bool) -> None:
+        """Follow the other views, which show chosen grains alone, or all."""
+        self.isolated = isolated
         self.changed.emit()
 
     def set_avatar(self, wanted: bool) -> None:

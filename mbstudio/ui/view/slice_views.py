@@ -86,6 +86,7 @@ class SliceViews(QObject):
         self._view.slices_changed.connect(self.refresh)
         self._view.part_changed.connect(self._show_part)
         focus.region_asked.connect(self._zoom_to)
+        focus.isolation_changed.connect(lambda: self.look.set_isolated(focus.isolated))
         self._view.tinted.connect(self._show_tints)
         studio.workspace.scan_changed.connect(lambda: self.readout.clear())
         for plane, across in PLANES:

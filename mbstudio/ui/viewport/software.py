@@ -25,6 +25,9 @@ BUDGET = 0.03  # seconds that a picture may take while things move
 CALM = 200  # milliseconds without a change after which the picture is drawn sharp
 COARSEST = 0.25  # of the width and height, however slow
 SMOOTH = 4  # samples a pixel of a picture at rest
+MANY = (
+    30_000  # triangles from which a picture at rest takes one sample a pixel, and its edges are smoothed then
+)
 
 
 class SoftwareViewport(Viewport):
@@ -34,7 +37,8 @@ class SoftwareViewport(Viewport):
     same as in the other implementation.
 
     The processor draws every pixel in the main thread. What moves is drawn with rough edges, and with fewer
-    pixels where it would take longer than the event loop may pause; at rest it is drawn sharp.
+    pixels where it would take longer than the event loop may pause; at rest it is drawn sharp. Pictures to
+    keep always have several samples a pixel.
     """
 
     kind = "software"
@@ -61,7 +65,16 @@ class SoftwareViewport(Viewport):
     def render_now(self) -> None:
         """Render at once and sharp."""
         self._sharpen_soon.stop()
-        self._render(1.0, SMOOTH)
+        self._render(1.0, 0 if self._triangles() > MANY else SMOOTH, smoothed=True)
+
+    def _triangles(self) -> int:
+        """Return how many triangles and other cells are drawn."""
+        total = 0
+        for actor in self.plotter.renderer.GetActors():
+            mapper = actor.GetMapper() if actor.GetVisibility() else None
+            if mapper is not None and mapper.GetInput() is not None:
+                total += mapper.GetInput().GetNumberOfCells()
+        return total
 
     @property
     def is_sharp(self) -> bool:
@@ -86,10 +99,13 @@ class SoftwareViewport(Viewport):
         self.render_now()
         return self._drawn(float(scale), SMOOTH)
 
-    def _render(self, scale: float, samples: int) -> None:
+    def _render(self, scale: float, samples: int, *, smoothed: bool = False) -> None:
         if self._closed:
             return
+        # Four samples a pixel of very many triangles take more than twice as long as one.
+        self.plotter.renderer.SetUseFXAA(smoothed and not samples)
         pixels = self._drawn(scale, samples)
+        self.plotter.renderer.SetUseFXAA(False)
         height, width, _ = pixels.shape
         image = QImage(pixels.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
         image.setDevicePixelRatio(self.devicePixelRatioF())

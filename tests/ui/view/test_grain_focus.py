@@ -136,10 +136,13 @@ def test_key_i_shows_the_chosen_grains_alone_and_again_all(at_grains, idle):
     assert at_grains.commands.action("view.isolate").isChecked()
     shown = {int(v) for actor in layers.grains.actors for v in labels_of(actor)}
     assert shown == {2}  # the overview has gone; the chosen ones have surfaces of their own
+    planes = layers.slices.planes
+    assert planes.look.only == {1, 2}  # in the flat slices, too
     assert layers.grain.is_visible
     assert layers.grain.holds_something
     QTest.keyClick(at_grains, Qt.Key.Key_I)
     assert not at_grains.focus.isolated
+    assert planes.look.only is None
     assert {int(v) for actor in layers.grains.actors for v in labels_of(actor)} == {1, 2, 3, 4}
 
 

@@ -57,6 +57,7 @@ class FitStation(Station):
             ("slices", "grain", "avatar", "deviation", "points"),
             ("grain", "avatar"),
             compares=True,
+            shows_slices=True,
         )
         self.display.opacity["grain"] = 0.6
         self.shows_sweep = False

@@ -158,7 +158,7 @@ class StyleWork(Work):
             return ()
         if source == "chosen":
             return tuple(sorted(self.workspace.chosen - state.grains.excluded_labels))
-        return tuple(int(label) for label in state.grains.interior_labels) if source == "inside" else ()
+        return tuple(state.grains.interior_labels) if source == "inside" else ()
 
     def new_labels(self, source: Source) -> tuple[int, ...]:
         """Return those of `labels` that the style-learner has not learned from.

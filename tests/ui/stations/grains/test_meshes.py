@@ -14,6 +14,7 @@ from mbstudio.ui.stations.grains.mesh_dialog import MeshDialog, likely_unit
 from mbstudio.ui.stations.grains.mesh_link import sort_out
 from mbstudio.ui.stations.grains.mesh_summary import MeshSummary
 from mbstudio.ui.stations.grains.table_model import NAME
+from mbstudio.ui.view.view_surfaces import TRIANGLES
 from tests.ui.test_bad_input import drop
 
 SIZES = {"a_box": (2.0, 1.6, 1.2), "b_ball": (1.8, 1.8, 1.8), "c_egg": (2.4, 1.5, 1.3)}
@@ -346,4 +347,5 @@ def test_48_stones_are_opened_at_once(window, idle, shared_data):
     assert len(grains) == len(grains.meshes) == 48
     assert window.messages.level == "success"
     shown = window.view.scene.layers.grains._mesh
-    assert shown.n_cells == pytest.approx(sum(len(mesh.faces) for mesh in grains.meshes.values()), rel=0.3)
+    triangles = sum(len(mesh.faces) for mesh in grains.meshes.values())
+    assert shown.n_cells == pytest.approx(min(triangles, TRIANGLES["software"][0]), rel=0.3)
