@@ -108,6 +108,10 @@ class GenerationError(MbstudioError):
     """New grains that cannot be generated from these parents."""
 
 
+class CloningError(MbstudioError):
+    """Parents that no clones can be made of, or clones that these parents cannot give."""
+
+
 class MeasureError(MbstudioError):
     """A body whose shape factors are not defined."""
 

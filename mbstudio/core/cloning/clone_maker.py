@@ -1,0 +1,205 @@
+"""New surfaces from a style: one parent, warped a little, re-formed along other axes than its own.
+
+What makes a grain look like its kind are faces, edges and roughness, and the way they hang together. A linear
+map keeps planes plane and edges straight; so a parent is first freed of its form, turned, and given the form of
+another, drawn as forms are spread among the parents. Only turns that stretch nothing by more than a bound are
+taken. A smooth warp, as registrations between parents have shown them to be, does the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Float64, Int
+
+from mbstudio.core.cloning.kernel_warp import FLIPS, displacement, gradient
+from mbstudio.core.cloning.solid_moments import make_isotropic, solid_moments
+from mbstudio.core.cloning.surface_style import SurfaceStyle
+from mbstudio.core.errors import CloningError
+from mbstudio.core.options import OptionRecord, option
+
+_PROPOSALS = 512
+_BLOCKS = 8
+_NEARLY_ALIGNED = 0.25
+"""Share of the proposed turns that leave the long axis about where it is: others suit long grains rarely."""
+_ALIGNED_SPREAD = 0.35  # radians
+_WARP_TRIES = 40
+_SHELLS = (1.0, 0.6, 0.3)
+_BALL_VOLUME = np.pi / 6.0
+
+
+@dataclass(frozen=True)
+class CloneOptions(OptionRecord, owner="clones", error=CloningError):
+    """How far clones go from their parents."""
+
+    stretch: float = option(
+        1.25,
+        "By how much a parent may be stretched or squeezed along an axis to take on another form.",
+        minimum=1.0,
+        maximum=3.0,
+    )
+    warping: float = option(
+        0.4, "Strength of the smooth warp; 1 is as grains of this kind differ.", minimum=0.0, maximum=1.5
+    )
+    local_stretch: float = option(
+        1.5, "By how much the warp may stretch or squeeze the neighbourhood of a point.", above=1.0, maximum=3.0
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CloneRecipe:
+    """All that one clone follows from; its latent variables, in numbers that mean something.
+
+    Attributes
+    ----------
+    parent : int
+        Row of the parent.
+    form : float array, shape (3,)
+        Logarithms of its semi-axes over their geometric mean, the longest first.
+    turn : float array, shape (3, 3)
+        Orthogonal, with determinant -1 for a mirrored parent: how the parent lies in the new form.
+    warp : float array, shape (modes,)
+        Shares of the modes of the style.
+    diameter : float
+        D_n in the unit of the style.
+    """
+
+    parent: int
+    form: Float[np.ndarray, " 3"]
+    turn: Float[np.ndarray, "3 3"]
+    warp: Float[np.ndarray, " modes"]
+    diameter: float
+
+
+class Surface(NamedTuple):
+    """A closed surface, wound outwards."""
+
+    vertices: Float64[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+
+
+def draw_recipe(
+    style: SurfaceStyle, rng: np.random.Generator, options: CloneOptions | None = None
+) -> CloneRecipe:
+    """Return the recipe of a new grain: form and size as the parents' are spread, the rest by chance.
+
+    Raises
+    ------
+    CloningError
+        If no warp of this strength leaves every parent unfolded.
+    """
+    options = options or CloneOptions()
+    form, diameter = style.draw_form_and_size(rng)
+    parent, turn = _choose_turn(style, form, options.stretch, rng)
+    vertices = style.parents[parent].vertices
+    for _ in range(_WARP_TRIES):
+        shares = options.warping * style.draw_warp(rng)
+        if _is_gentle(vertices, style.warp(shares), options.local_stretch):
+            return CloneRecipe(parent, form, turn, shares, diameter)
+    raise CloningError(
+        f"Warps of strength {options.warping:g} fold {style.parents[parent].name}: ask for less warping."
+    )
+
+
+class CloneMap:
+    """The map from a parent to a clone, for corners of the surface and control points within it alike.
+
+    Parameters
+    ----------
+    style : SurfaceStyle
+    recipe : CloneRecipe
+
+    Notes
+    -----
+    Places of the parent are given in its isotropic frame; those of the clone come in its principal frame, in
+    the unit of the style. Form and volume are imposed after the warp, so that they are those of the recipe to
+    the last digits.
+    """
+
+    def __init__(self, style: SurfaceStyle, recipe: CloneRecipe) -> None:
+        parent = style.parents[recipe.parent]
+        self._warp = style.warp(recipe.warp)
+        moved = parent.vertices + displacement(parent.vertices, self._warp)
+        moments = solid_moments(moved, parent.faces)
+        isotropic, matrix = make_isotropic(moved, parent.faces)
+        shaping = recipe.turn.T * np.exp(recipe.form)
+        faces = parent.faces if np.linalg.det(recipe.turn) > 0 else parent.faces[:, ::-1]
+        shaped = isotropic @ shaping
+        scale = recipe.diameter * np.cbrt(_BALL_VOLUME / solid_moments(shaped, faces).volume)
+        self._centre, self._matrix = moments.centre, scale * (matrix @ shaping)
+        self.surface = Surface(scale * shaped, np.ascontiguousarray(faces))
+
+    def __call__(self, points: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, "p 3"]:
+        """Return where points of the parent come to lie."""
+        moved: np.ndarray = (points + displacement(points, self._warp) - self._centre) @ self._matrix
+        return moved
+
+    def scale_at(self, points: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, " p"]:
+        """Return by how much lengths about points grow, on the average over directions."""
+        volumes = np.linalg.det(gradient(points, self._warp)) * abs(np.linalg.det(self._matrix))
+        scales: np.ndarray = np.cbrt(volumes)
+        return scales
+
+
+def make_surface(style: SurfaceStyle, recipe: CloneRecipe) -> Surface:
+    """Return the surface of a recipe in its principal frame, in the unit of the style."""
+    return CloneMap(style, recipe).surface
+
+
+def stretches(style: SurfaceStyle, recipe: CloneRecipe) -> Float64[np.ndarray, " 3"]:
+    """Return by how much a recipe stretches its parent along three axes, before the warp; their product is 1."""
+    forms = style.parents[recipe.parent].log_form
+    matrix = np.exp(recipe.form)[:, None] * recipe.turn / np.exp(forms)
+    values: np.ndarray = np.linalg.svd(matrix, compute_uv=False)
+    return values
+
+
+def _choose_turn(
+    style: SurfaceStyle, form: Float[np.ndarray, " 3"], stretch: float, rng: np.random.Generator
+) -> tuple[int, Float64[np.ndarray, "3 3"]]:
+    """Return a parent and how it is laid into a form, by chance among those within the stretch allowed.
+
+    Where none is, that which is stretched least: forms at the edge of what parents have are rare.
+    """
+    shrunk = np.exp(-style.forms)
+    best: tuple[float, int, np.ndarray] | None = None
+    for _ in range(_BLOCKS):
+        parents = rng.integers(len(style.parents), size=_PROPOSALS)
+        turns = _propose_turns(rng)
+        matrices = np.exp(form)[:, None] * turns * shrunk[parents][:, None, :]
+        values = np.linalg.svd(matrices, compute_uv=False)
+        needed = np.maximum(values[:, 0], 1.0 / values[:, 2])
+        admitted = np.flatnonzero(needed <= stretch)
+        row = int(admitted[0]) if len(admitted) else int(needed.argmin())
+        if best is None or needed[row] < best[0]:
+            best = (float(needed[row]), int(parents[row]), turns[row])
+        if len(admitted):
+            break
+    assert best is not None
+    return best[1], best[2]
+
+
+def _propose_turns(rng: np.random.Generator) -> Float64[np.ndarray, "proposals 3 3"]:
+    """Return turns: most of them any, some near those that keep the axes; half of them mirrored."""
+    from scipy.spatial.transform import Rotation
+
+    aligned = int(_NEARLY_ALIGNED * _PROPOSALS)
+    small = Rotation.from_rotvec(_ALIGNED_SPREAD * rng.standard_normal((aligned, 3))).as_matrix()
+    small = small * FLIPS[rng.integers(len(FLIPS), size=aligned)][:, None, :]
+    quaternions = rng.standard_normal((_PROPOSALS - aligned, 4))
+    free = Rotation.from_quat(quaternions).as_matrix()
+    free = free * rng.choice([-1.0, 1.0], size=len(free))[:, None, None]
+    turns: np.ndarray = np.concatenate([small, free])[rng.permutation(_PROPOSALS)]
+    return turns
+
+
+def _is_gentle(vertices: np.ndarray, coefficients: np.ndarray, most: float) -> bool:
+    """Return whether a warp folds nothing within a body, and stretches no neighbourhood by more than `most`."""
+    sampled = np.concatenate([shell * vertices[:: max(1, len(vertices) // 800)] for shell in _SHELLS])
+    slopes = gradient(sampled, coefficients)
+    if np.linalg.det(slopes).min() <= 0:
+        return False
+    values = np.linalg.svd(slopes, compute_uv=False)
+    return bool(values[:, 0].max() <= most and values[:, 2].min() >= 1.0 / most)

@@ -1,0 +1,128 @@
+"""Parents kept as surfaces: closed, in the isotropic frame, with form and size beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from mbstudio.core.cloning.solid_moments import make_isotropic, principal_form, solid_moments
+from mbstudio.core.errors import CloningError, MeshError
+from mbstudio.core.formulas import nominal_diameters
+from mbstudio.core.metrics.surfaces import check_mesh, pieces_and_voids
+from mbstudio.core.units import parse_unit
+
+if TYPE_CHECKING:
+    import trimesh
+
+_LARGEST_ASPECT = 20.0
+MOST_FACES = 40_000
+
+
+@dataclass(frozen=True, eq=False)
+class ParentSurface:
+    """The surface of one true grain.
+
+    Attributes
+    ----------
+    name : str
+    vertices : float array, shape (v, 3)
+        In the isotropic frame: the centre of volume at the origin, principal axes along x, y, z (the longest
+        first), second moments those of the unit ball. Read-only.
+    faces : int array, shape (f, 3)
+        Wound outwards. Read-only.
+    semi_axes : float array, shape (3,)
+        Of the ellipsoid with the body's second moments, longest first, in D_n.
+    diameter : float
+        Nominal diameter D_n in `unit`.
+    unit : str
+    """
+
+    name: str
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    semi_axes: Float[np.ndarray, " 3"]
+    diameter: float
+    unit: str
+
+    def __post_init__(self) -> None:
+        for name, kind in (("vertices", np.float64), ("faces", np.int64), ("semi_axes", np.float64)):
+            array = np.array(getattr(self, name), dtype=kind)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def from_mesh(cls, mesh: trimesh.Trimesh, name: str, unit: str | None = None) -> ParentSurface:
+        """Return the surface of a closed mesh.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh
+        name : str
+        unit : str, optional
+            Length unit of a mesh that carries none.
+
+        Raises
+        ------
+        CloningError
+            If it is not closed, has no unit, is of several pieces, flat, or of too many triangles.
+        """
+        stated = parse_unit(unit) if unit else mesh.units
+        if not stated:
+            raise CloningError(f"{name} carries no length unit: state one, such as unit='mm'.")
+        try:
+            mesh = check_mesh(mesh)
+        except MeshError as error:
+            raise CloningError(f"{name} cannot be a parent: {error}") from error
+        vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        faces = np.asarray(mesh.faces, dtype=np.int64)
+        if len(faces) > MOST_FACES:
+            raise CloningError(
+                f"{name} has {len(faces):,} triangles, more than {MOST_FACES:,}: simplify the mesh first."
+            )
+        pieces, voids = pieces_and_voids(vertices, faces)
+        if pieces != 1 or voids:
+            raise CloningError(
+                f"{name} is of {pieces} pieces with {voids} voids, but a parent is one body without voids: "
+                "separate or fill it."
+            )
+        return cls.from_surface(vertices, faces, name, stated)
+
+    @classmethod
+    def from_surface(
+        cls, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], name: str, unit: str
+    ) -> ParentSurface:
+        """Return a surface that is known to be closed, in `unit`.
+
+        Raises
+        ------
+        CloningError
+            If it encloses no volume or is nearly flat.
+        """
+        moments = solid_moments(vertices, faces)
+        if not moments.volume > 0:
+            raise CloningError(f"{name} encloses no volume: its triangles are wound inwards or lie flat.")
+        semi_axes, axes = principal_form(moments)
+        if not semi_axes[0] < _LARGEST_ASPECT * semi_axes[2]:
+            raise CloningError(
+                f"{name} is more than {_LARGEST_ASPECT:.0f} times as long as thick: no warp keeps it whole."
+            )
+        diameter = float(nominal_diameters(moments.volume))
+        turned = (vertices - moments.centre) @ axes / semi_axes
+        # Once more, for what rounding left.
+        isotropic, _ = make_isotropic(turned, faces)
+        return cls(name, isotropic, faces, semi_axes / diameter, diameter, unit)
+
+    @property
+    def log_form(self) -> Float[np.ndarray, " 3"]:
+        """Logarithms of the semi-axes over their geometric mean."""
+        logs = np.log(self.semi_axes)
+        form: np.ndarray = logs - logs.mean()
+        return form
+
+    def body_vertices(self) -> Float[np.ndarray, "v 3"]:
+        """Return the corners in the principal frame, in D_n."""
+        vertices: np.ndarray = self.vertices * self.semi_axes
+        return vertices
