@@ -25,7 +25,9 @@ HELP = """Generate new valid grains whose factors are distributed like their par
 
 Each clone becomes a CSV and a JSON file of control points, as 'mbstudio export --to metaball' writes
 them. factors.csv holds the shape factors of all clones. What is found on the way is kept beside the output
-until that is written, so that the same command goes on where it was ended.
+until that is written, so that the same command goes on where it was ended. Of a style of surfaces ('mbstudio
+learn --preset surfaces') each clone comes with its surface as a PLY file too, on which its factors are
+measured; clones.csv says what each was made of and how far its metaball is from its surface.
 """
 
 
@@ -59,13 +61,26 @@ def generate(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio generate``; `HELP` says what it does."""
+    from mbstudio.cli.generate_surfaces import generate_surface_clones
     from mbstudio.core.batch.processes import usable_cores
+    from mbstudio.core.cloning.surface_style_file import holds_surface_style
     from mbstudio.core.dem.folder import check_replaceable
     from mbstudio.core.dem.manifest import files_of_earlier_export
     from mbstudio.core.vae.generate.generator import generate as generate_clones
     from mbstudio.core.vae.models.style_learner import load_style_learner
 
     begun = time.monotonic()
+    if holds_surface_style(style):
+        if report is not None:
+            raise GenerationError(
+                "--report compares serialized parents with clones, and this is a style of surfaces: "
+                "use 'mbstudio judge' on the clones."
+            )
+        generate_surface_clones(
+            style, folder, count, seed, where or [], unit, workers or usable_cores(), overwrite=overwrite,
+            as_json=as_json,
+        )  # fmt: skip
+        return
     if report is not None:
         require_table_output(report, style)
     if folder.resolve() == style.resolve():

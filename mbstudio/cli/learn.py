@@ -22,9 +22,13 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
 
+SURFACES = "surfaces"
+_KNOWN = (*PRESETS, SURFACES)
+
+
 def _known_preset(name: str) -> str:
-    if name not in PRESETS:
-        raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, PRESETS))}.")
+    if name not in _KNOWN:
+        raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, _KNOWN))}.")
     return name
 
 
@@ -34,6 +38,9 @@ Every grain is first fitted from one common template, so that control point i me
 Then the style-learner is trained. When interrupted, the command saves the best state so far; the same command
 goes on with the training, also after a kill. With --on, preset and number of control points are those of the
 given style-learner; it does not forget its parents.
+
+Preset 'surfaces' keeps the surfaces of the grains themselves: clones have their faces and edges, and each
+comes with a metaball that was freely fitted to it. It is the one for angular grains.
 """
 
 
@@ -52,12 +59,21 @@ def learn(
         str,
         typer.Option(
             "--preset",
-            metavar=f"[{'|'.join(PRESETS)}]",
+            metavar=f"[{'|'.join(_KNOWN)}]",
             callback=_known_preset,
-            help="'pca' is the linear baseline, 'paper' the method as published.",
+            help="'surfaces' keeps faces and edges of angular grains, 'pca' is the linear baseline, 'paper' "
+            "the method as published.",
         ),
     ] = PRESETS[0],
-    n: Annotated[int, typer.Option("-n", "--n", help="Control points of each avatar.")] = 40,
+    n: Annotated[
+        int | None,
+        typer.Option(
+            "-n",
+            "--n",
+            min=1,
+            help="Control points of each avatar; 40 by default, with 'surfaces' 120 unless smooth.",
+        ),
+    ] = None,
     on: Annotated[
         Path | None,
         typer.Option(
@@ -86,6 +102,17 @@ def learn(
     if inputs.require_cavities(cavities) == "keep":
         raise StyleError("A style is learned of outer surfaces, without cavities: leave --cavities keep out.")
     _require_folder(folder)
+    if preset == SURFACES:
+        from mbstudio.cli.learn_surfaces import learn_surface_style
+
+        if on is not None or steps is not None:
+            raise StyleError("--on and --steps do not apply to preset 'surfaces': leave them out.")
+        learn_surface_style(
+            lambda: _bodies(sources, grains, limit, from_avatars, unit), inputs.title_of(sources), folder, n,
+            seed, unit, workers or usable_cores(), as_json=as_json,
+        )  # fmt: skip
+        return
+    n = n or _USUAL_NUMBER
     options: dict[str, Any] = {}
     known = None if on is None else load_style_learner(on)
     if steps is not None:
@@ -114,6 +141,9 @@ def learn(
     if interrupted:
         console.tell("mbstudio: interrupted: the best state so far was saved.")
         raise typer.Exit(INTERRUPTED)
+
+
+_USUAL_NUMBER = 40
 
 
 def _checkpoint(folder: Path) -> Path:
@@ -155,11 +185,13 @@ def _go_on(training: StyleTraining, checkpoint: Path) -> None:
 
 def _require_folder(folder: Path) -> None:
     """Refuse a place that holds something else, before the work begins."""
+    from mbstudio.core.cloning.surface_style_file import CARD_FILE as SURFACE_CARD
     from mbstudio.core.vae.models.style_learner import CARD_FILE
 
     if folder.exists() and not folder.is_dir():
         raise StyleError(f"{folder} is a file: give the name of a folder for the style-learner.")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD_FILE).exists():
+    known = any((folder / card).exists() for card in (CARD_FILE, SURFACE_CARD))
+    if folder.is_dir() and any(folder.iterdir()) and not known:
         raise StyleError(
             f"{folder} contains other files but no style-learner: choose an empty or a new folder."
         )
@@ -173,32 +205,10 @@ def _parents(
     from mbstudio.core.vae.serialize.serialization import load_serialization
     from mbstudio.core.vae.serialize.serializer import serialize
 
-    bodies: list[Any]
     stored = _stored(sources[0]) if len(sources) == 1 else None
     if stored is not None:
         return load_serialization(stored)
-    meshes = inputs.meshes_among(sources)
-    source = sources[0]
-    if meshes is not None:
-        bodies = inputs.bodies_of_meshes(meshes, unit, "fill", grains, limit)
-        names = [str(body.metadata["name"]) for body in bodies]
-    else:
-        if not source.exists():
-            raise MbstudioError(f"{source} does not exist: check the name and the folder.")
-        if source.is_dir():
-            raise MbstudioError(
-                f"{source} contains no meshes ({', '.join(inputs.mesh_endings())}): "
-                "give a project or another folder."
-            )
-        project, labels = chosen_grains(source, grains, limit)
-        if from_avatars:
-            labels = [label for label in labels if label in project.fits]
-            bodies = [project.fits[label].avatar for label in labels]
-        else:
-            bodies = [project.grains.body(label, fill_cavities=True) for label in labels]
-        names = [f"grain {label}" for label in labels]
-    if not bodies:
-        raise SerializationError(f"{source} has no avatars yet: fit them first, or leave --avatars out.")
+    bodies, names = _bodies(sources, grains, limit, from_avatars, unit)
     with console.progress("Serializing") as report, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         found = serialize(
@@ -215,6 +225,33 @@ def _parents(
         if entry.category.__module__.startswith("mbstudio"):
             console.tell(f"mbstudio: {entry.message}")
     return found
+
+
+def _bodies(
+    sources: list[Path], grains: str | None, limit: int | None, from_avatars: bool, unit: str | None
+) -> tuple[list[Any], list[str]]:
+    """Return grains, avatars or meshes and their names."""
+    meshes = inputs.meshes_among(sources)
+    source = sources[0]
+    if meshes is not None:
+        bodies: list[Any] = list(inputs.bodies_of_meshes(meshes, unit, "fill", grains, limit))
+        return bodies, [str(body.metadata["name"]) for body in bodies]
+    if not source.exists():
+        raise MbstudioError(f"{source} does not exist: check the name and the folder.")
+    if source.is_dir():
+        raise MbstudioError(
+            f"{source} contains no meshes ({', '.join(inputs.mesh_endings())}): "
+            "give a project or another folder."
+        )
+    project, labels = chosen_grains(source, grains, limit)
+    if from_avatars:
+        labels = [label for label in labels if label in project.fits]
+        bodies = [project.fits[label].avatar for label in labels]
+    else:
+        bodies = [project.grains.body(label, fill_cavities=True) for label in labels]
+    if not bodies:
+        raise SerializationError(f"{source} has no avatars yet: fit them first, or leave --avatars out.")
+    return bodies, [f"grain {label}" for label in labels]
 
 
 def _stored(source: Path) -> Path | None:

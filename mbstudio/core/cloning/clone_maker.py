@@ -1,9 +1,9 @@
 """New surfaces from a style: one parent, warped a little, re-formed along other axes than its own.
 
-What makes a grain look like its kind are faces, edges and roughness, and the way they hang together. A linear
-map keeps planes plane and edges straight; so a parent is first freed of its form, turned, and given the form of
-another, drawn as forms are spread among the parents. Only turns that stretch nothing by more than a bound are
-taken. A smooth warp, as registrations between parents have shown them to be, does the rest.
+What makes a grain look like its kind are faces, edges and roughness, and the way they hang together. A
+linear map keeps planes plane and edges straight; so a parent is first freed of its form, turned, and given
+the form of another, drawn as forms are spread among the parents. Only turns that stretch nothing by more than
+a bound are taken. A smooth warp, as registrations between parents have shown them to be, does the rest.
 """
 
 from __future__ import annotations
@@ -35,16 +35,19 @@ class CloneOptions(OptionRecord, owner="clones", error=CloningError):
     """How far clones go from their parents."""
 
     stretch: float = option(
-        1.25,
+        1.2,
         "By how much a parent may be stretched or squeezed along an axis to take on another form.",
         minimum=1.0,
         maximum=3.0,
     )
     warping: float = option(
-        0.4, "Strength of the smooth warp; 1 is as grains of this kind differ.", minimum=0.0, maximum=1.5
+        0.3, "Strength of the smooth warp; 1 is as grains of this kind differ.", minimum=0.0, maximum=1.5
     )
     local_stretch: float = option(
-        1.5, "By how much the warp may stretch or squeeze the neighbourhood of a point.", above=1.0, maximum=3.0
+        1.5,
+        "By how much the warp may stretch or squeeze the neighbourhood of a point.",
+        above=1.0,
+        maximum=3.0,
     )
 
 
@@ -149,7 +152,7 @@ def make_surface(style: SurfaceStyle, recipe: CloneRecipe) -> Surface:
 
 
 def stretches(style: SurfaceStyle, recipe: CloneRecipe) -> Float64[np.ndarray, " 3"]:
-    """Return by how much a recipe stretches its parent along three axes, before the warp; their product is 1."""
+    """Return by how much a recipe stretches its parent along three axes, before the warp."""
     forms = style.parents[recipe.parent].log_form
     matrix = np.exp(recipe.form)[:, None] * recipe.turn / np.exp(forms)
     values: np.ndarray = np.linalg.svd(matrix, compute_uv=False)
@@ -196,7 +199,7 @@ def _propose_turns(rng: np.random.Generator) -> Float64[np.ndarray, "proposals 3
 
 
 def _is_gentle(vertices: np.ndarray, coefficients: np.ndarray, most: float) -> bool:
-    """Return whether a warp folds nothing within a body, and stretches no neighbourhood by more than `most`."""
+    """Return whether a warp folds nothing within a body and stretches nowhere by more than `most`."""
     sampled = np.concatenate([shell * vertices[:: max(1, len(vertices) // 800)] for shell in _SHELLS])
     slopes = gradient(sampled, coefficients)
     if np.linalg.det(slopes).min() <= 0:

@@ -60,7 +60,8 @@ def weights_at(points: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, "p 27"]:
 
 def displacement(points: Float[np.ndarray, "p 3"], coefficients: Coefficients) -> Float64[np.ndarray, "p 3"]:
     """Return by how much a warp moves points."""
-    return weights_at(points) @ coefficients
+    moved: np.ndarray = weights_at(points) @ coefficients
+    return moved
 
 
 def gradient(points: Float[np.ndarray, "p 3"], coefficients: Coefficients) -> Float64[np.ndarray, "p 3 3"]:

@@ -58,8 +58,8 @@ class SurfaceTarget:
 def register(surface: ParentSurface, target: SurfaceTarget, rng: np.random.Generator) -> Registration:
     """Return the warp that lays a parent onto another.
 
-    Point-to-plane iterations (Chen & Medioni 1992) on smooth displacements: points of one surface move towards
-    the tangent planes of the other at its nearest corners, held back by the roughness of the displacement.
+    Point-to-plane iterations (Chen & Medioni 1992) on smooth displacements: points of one surface move
+    towards the tangent planes of the other at its nearest corners, held back by the displacement's roughness.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def solid_moments(vertices: Points, faces: Faces) -> SolidMoments:
 
 
 def principal_form(moments: SolidMoments) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, "3 3"]]:
-    """Return the semi-axes of the ellipsoid with the same second moments, longest first, and their directions.
+    """Return the semi-axes of the ellipsoid with these second moments, longest first, and their directions.
 
     Returns
     -------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -12,6 +11,7 @@ from jaxtyping import Float
 from mbstudio.core.cloning.clone_maker import CloneMap
 from mbstudio.core.cloning.parent_surface import ParentSurface
 from mbstudio.core.cloning.solid_moments import Faces, Points, solid_moments
+from mbstudio.core.cloning.surface_avatar import SurfaceAvatar
 from mbstudio.core.errors import CloningError, MbstudioError
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.imaging.fast.fast import FastFit, FastOptions
@@ -26,28 +26,6 @@ CONTROL_POINTS = 120
 _STEPS_OF_CLONES = 12
 # An area row would grow bumps until the area fits: what faces and edges lack is not to be made up for.
 _SETTINGS = RefineSettings(area_weight=0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceAvatar:
-    """A metaball fitted to a surface.
-
-    Attributes
-    ----------
-    avatar : Avatar
-        In the frame and unit of the surface.
-    rms : float
-        Root mean square distance of the surfaces, in D_n.
-    volume_error : float
-        Of the avatar against the surface, as a share.
-    valid : bool
-        One piece, no void, no control point outside.
-    """
-
-    avatar: Avatar
-    rms: float
-    volume_error: float
-    valid: bool
 
 
 class _FitToSurface(FastFit):
@@ -134,33 +112,22 @@ def fit_parent(parent: ParentSurface, n: int = CONTROL_POINTS, *, seed: int = 0)
     return fit_surface(parent.body_vertices(), parent.faces, parent.unit, n, seed=seed, name=parent.name)
 
 
-def fit_clone(
-    parent: ParentSurface, of_parent: Avatar, clone_map: CloneMap, unit: str, *, seed: int = 0, name: str = "clone"
-) -> SurfaceAvatar:
-    """Fit an avatar to a clone, from its parent's control points carried along by the map.
+def carry_avatar(parent: ParentSurface, of_parent: Avatar, clone_map: CloneMap, unit: str) -> Avatar:
+    """Return a parent's control points carried along to a clone: near its surface, but not yet fitted.
 
     Parameters
     ----------
     parent : ParentSurface
     of_parent : Avatar
-        Of :func:`fit_parent`.
+        Of :func:`fit_parent`: in the principal frame, in D_n.
     clone_map : CloneMap
     unit : str
         Of the clone.
-    seed : int
-    name : str
-
-    Raises
-    ------
-    CloningError
-        If no metaball can be fitted.
     """
     places = of_parent.centers / parent.semi_axes
     # k is a squared length; the isotropic frame is larger than D_n by the semi-axes.
     scales = clone_map.scale_at(places) / np.cbrt(np.prod(parent.semi_axes))
-    start = Avatar(clone_map(places), of_parent.weights * scales**2, unit, name=name)
-    surface = clone_map.surface
-    return fit_surface(surface.vertices, surface.faces, unit, start=start, seed=seed, name=name)
+    return Avatar(clone_map(places), of_parent.weights * scales**2, unit, name=of_parent.name)
 
 
 def _in_working_frame(avatar: Avatar, prepared: PreparedGrain) -> Float[np.ndarray, "4 n"]:

@@ -1,4 +1,4 @@
-"""What is learned of parents' surfaces: the surfaces themselves, how forms and sizes spread, how they warp."""
+"""What is learned of parents' surfaces: themselves, how forms and sizes are spread, how they warp."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from jaxtyping import Float, Float64
 from mbstudio.core.cloning.kernel_warp import FLIPS, Coefficients, lattice
 from mbstudio.core.cloning.parent_surface import ParentSurface
 from mbstudio.core.cloning.registration import Registration, SurfaceTarget, flip_coefficients, register
+from mbstudio.core.cloning.surface_avatar import SurfaceAvatar
 from mbstudio.core.errors import CloningError
+from mbstudio.core.grains.grain import Grain
 from mbstudio.core.threads import one_thread
 from mbstudio.core.units import conversion_factor
 
@@ -42,11 +44,14 @@ class SurfaceStyle:
         first. Read-only.
     misfit : float
         Root mean square distance that registrations leave, in D_n: what such warps cannot say.
+    avatars : tuple of SurfaceAvatar
+        Of the parents in their principal frames, in D_n; empty where none were fitted.
     """
 
     parents: tuple[ParentSurface, ...]
     modes: Float[np.ndarray, "modes 27 3"]
     misfit: float
+    avatars: tuple[SurfaceAvatar, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.parents) < FEWEST_PARENTS:
@@ -56,10 +61,16 @@ class SurfaceStyle:
             )
         if len({parent.unit for parent in self.parents}) > 1:
             raise CloningError("The parents are in several length units: state one for all.")
+        if self.avatars and len(self.avatars) != len(self.parents):
+            raise CloningError(
+                f"{len(self.parents)} parents have {len(self.avatars)} avatars: fit one to each."
+            )
         points = len(lattice())
-        modes = np.array(self.modes, dtype=np.float64)
+        modes = np.array(self.modes, dtype=np.float64, order="C")
         if modes.ndim != 3 or modes.shape[1:] != (points, 3) or not np.isfinite(modes).all():
-            raise CloningError(f"Warps of shape {modes.shape} are none: they need ({points}, 3) finite numbers.")
+            raise CloningError(
+                f"Warps of shape {modes.shape} are none: they need ({points}, 3) finite numbers."
+            )
         modes.flags.writeable = False
         object.__setattr__(self, "modes", modes)
 
@@ -104,19 +115,19 @@ class SurfaceStyle:
 
 @one_thread()
 def learn_surfaces(
-    bodies: Sequence[trimesh.Trimesh],
+    bodies: Sequence[Grain | trimesh.Trimesh],
     names: Sequence[str] | None = None,
     *,
     unit: str | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> SurfaceStyle:
-    """Return the style of closed meshes.
+    """Return the style of grains or closed meshes.
 
     Parameters
     ----------
-    bodies : sequence of trimesh.Trimesh
-        Two at least. All in one unit, or each with its own.
+    bodies : sequence of Grain or trimesh.Trimesh
+        Two at least.
     names : sequence of str, optional
     unit : str, optional
         Length unit of meshes that carry none.
@@ -128,12 +139,17 @@ def learn_surfaces(
     Raises
     ------
     CloningError
-        If a mesh cannot be a parent, or there are too few.
+        If a body cannot be a parent, or there are too few.
     """
     named = list(names) if names is not None else [f"body {place}" for place in range(1, len(bodies) + 1)]
     if len(named) != len(bodies):
-        raise CloningError(f"{len(bodies)} meshes have {len(named)} names: give one for each.")
-    parents = [ParentSurface.from_mesh(body, name, unit) for body, name in zip(bodies, named, strict=True)]
+        raise CloningError(f"{len(bodies)} bodies have {len(named)} names: give one for each.")
+    parents = [
+        ParentSurface.from_grain(body, name)
+        if isinstance(body, Grain)
+        else ParentSurface.from_mesh(body, name, unit)
+        for body, name in zip(bodies, named, strict=True)
+    ]
     return style_of(parents, seed=seed, progress=progress)
 
 

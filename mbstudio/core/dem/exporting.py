@@ -65,7 +65,7 @@ def export(
     names: Sequence[str] | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-    attachments: Mapping[str, str] | None = None,
+    attachments: Mapping[str, str | bytes] | None = None,
     specimen: SpecimenPlan | None = None,
     **options: Any,
 ) -> ExportReport:
@@ -92,8 +92,8 @@ def export(
         Write into a folder that contains other files and no earlier export.
     progress : callable(fraction, message), optional
         Raising in it cancels.
-    attachments : mapping of str to str, optional
-        Further text files, by their names, that the folder is to hold: they come and go with the export.
+    attachments : mapping of str to str or bytes, optional
+        Further files, by their names, that the folder is to hold: they come and go with the export.
     specimen : SpecimenPlan, optional
         Particles of a wanted size distribution: written as specimen.csv for every target, and as decks
         that pour them for LIGGGHTS and LAMMPS.
@@ -168,12 +168,12 @@ def _prepare_with(
 
 
 def _write_files(
-    job: Job, target: Target, attachments: Mapping[str, str], plan: SpecimenPlan | None
+    job: Job, target: Target, attachments: Mapping[str, str | bytes], plan: SpecimenPlan | None
 ) -> dict[str, Any]:
     """Write all files of an export into the job's folder, the manifest last; return what that says."""
     written = target.write(job)
-    for name, text in attachments.items():
-        (job.folder / name).write_text(text, encoding="utf-8", newline="")
+    for name, content in attachments.items():
+        (job.folder / name).write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
     shared = (*written.shared_files, *attachments)
     if job.specimen is not None:
         write_specimen(job.folder, job.specimen)

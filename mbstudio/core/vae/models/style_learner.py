@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import warnings
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from mbstudio.core.errors import MbstudioError, StyleError, StyleWarning
-from mbstudio.core.plain_files import PlainFileError, parse_json, read_plain_bytes
-from mbstudio.core.replacement import replacing
-from mbstudio.core.sealing import BrokenSealError, check_json, seal_json
+from mbstudio.core.tensor_folder import TensorFolder
 from mbstudio.core.vae.models.features import Scaler
 from mbstudio.core.vae.models.model_card import ModelCard
 from mbstudio.core.vae.models.presets import find_preset
@@ -24,12 +19,11 @@ from mbstudio.core.vae.models.shape_model import ShapeModel, Tensors
 from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
 FORMAT = 1
-CARD_FILE = "style-learner.json"
-_KIND = "mbstudio style-learner"
-_LARGEST_CARD = 100 * 2**20
-_LARGEST_WEIGHTS = 2 * 2**30
-
-
+FOLDER = TensorFolder(
+    stem="style-learner", kind="mbstudio style-learner", title="style-learner", newest=FORMAT,
+    error=StyleError, warning=StyleWarning, made_again="train it again",
+)  # fmt: skip
+CARD_FILE = FOLDER.card
 _PARENT_ARRAYS = ("centers", "log_weights", "diameters", "rms", "valid")
 
 
@@ -199,48 +193,12 @@ def load_style_learner(folder: str | Path) -> StyleLearner:
 def write_learner(learner: StyleLearner, folder: Path) -> Path:
     """Write a style-learner into a folder; whatever happens, the old or the new one is there.
 
-    The numbers go into a file named after their digest; the JSON file, replaced last, names it and carries
-    a seal of its own (see :mod:`mbstudio.core.sealing`).
-
     Raises
     ------
     StyleError
         If the folder cannot be written.
     """
-    from safetensors.numpy import save
-
-    content = save({name: np.ascontiguousarray(array) for name, array in learner_tensors(learner).items()})
-    digest = hashlib.sha256(content).hexdigest()
-    weights = f"style-learner-{digest[:12]}.safetensors"
-    entries = {
-        "kind": _KIND,
-        "format": FORMAT,
-        "weights": weights,
-        "sha256": digest,
-        **learner_entries(learner),
-    }
-    card = seal_json(entries)
-    had_folder, had_weights = folder.exists(), (folder / weights).exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with replacing(folder / weights) as temporary:
-            temporary.write_bytes(content)
-        with replacing(folder / CARD_FILE) as temporary:
-            temporary.write_bytes(card)
-        for older in folder.glob("style-learner-*.safetensors"):
-            if older.name != weights:
-                older.unlink(missing_ok=True)
-    except OSError as error:
-        with suppress(OSError):  # a folder that cannot be read can hardly be tidied up
-            if not had_weights:
-                (folder / weights).unlink(missing_ok=True)
-            if not had_folder:
-                folder.rmdir()
-        raise StyleError(
-            f"The style-learner cannot be written into {folder}: {error.strerror or error}. "
-            "Choose a folder that can be written."
-        ) from error
-    return folder
+    return FOLDER.write(folder, learner_entries(learner), learner_tensors(learner))
 
 
 def learner_tensors(learner: StyleLearner) -> Tensors:
@@ -317,16 +275,11 @@ def read_learner(folder: Path) -> StyleLearner:
         If there is none, or a file is damaged, foreign, or from a newer mbstudio; it names the file.
     """
     path = folder / CARD_FILE
-    entries = read_entries(path)
+    entries = FOLDER.read_card(folder)
     try:
-        weights = folder / Path(str(entries["weights"])).name
-        content = _read(weights, _LARGEST_WEIGHTS)
-        if hashlib.sha256(content).hexdigest() != entries["sha256"]:
-            raise StyleError(
-                f"{weights} is not the file that {path.name} was written with (truncated, changed or from "
-                "another style-learner): copy the whole folder again."
-            )
-        return build_learner(entries, _tensors(content, weights), weights)
+        tensors, weights = FOLDER.read_tensors(folder, entries)
+        require_finite(tensors, weights)
+        return build_learner(entries, tensors, weights)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         told = " ".join(str(error).split())[:200]
         raise StyleError(
@@ -338,62 +291,6 @@ def read_learner(folder: Path) -> StyleLearner:
         raise StyleError(f"{path} cannot be used as a style-learner: {error}") from error
 
 
-def read_entries(path: Path) -> dict[str, Any]:
-    """Return the entries of a style-learner's JSON file, known to be of a format that is understood.
-
-    Raises
-    ------
-    StyleError
-        If it is missing, damaged, no JSON, foreign or newer.
-    """
-    content = _read(path, _LARGEST_CARD)
-    try:
-        sealed = check_json(content)
-    except BrokenSealError as error:
-        raise StyleError(f"{path} is damaged ({error}): take another copy of the folder.") from None
-    try:
-        entries = parse_json(content)
-    except PlainFileError:
-        raise StyleError(f"{path} is damaged or no JSON file: take another copy of the folder.") from None
-    if not isinstance(entries, dict) or entries.get("kind") != _KIND:
-        raise StyleError(f"{path} is not a style-learner: choose a folder in which one was saved.")
-    form = entries.get("format")
-    if not isinstance(form, int) or isinstance(form, bool) or form < 1:
-        raise StyleError(f"{path} does not say its format: take another copy of the folder.")
-    if form > FORMAT:
-        raise StyleError(
-            f"{path} has format {form}, from a newer mbstudio than this, which reads up to {FORMAT}: "
-            "update mbstudio."
-        )
-    if not sealed:
-        warnings.warn(
-            f"{path} carries no digest: it was written by an mbstudio that did not seal its files, and "
-            "damage of it would go unseen. Saving the style-learner again seals it.",
-            StyleWarning,
-            stacklevel=2,
-        )
-    return entries
-
-
-def _read(path: Path, most: int) -> bytes:
-    try:
-        return read_plain_bytes(path, most)
-    except PlainFileError as error:
-        raise StyleError(f"{path} cannot be read: {error}.") from error
-
-
-def _tensors(content: bytes, path: Path) -> Tensors:
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
-
-    try:
-        tensors = load(content)
-    except (SafetensorError, KeyError, ValueError, TypeError) as error:
-        raise StyleError(f"{path} is damaged or no safetensors file ({error}): copy it again.") from None
-    require_finite(tensors, path)
-    return tensors
-
-
 def require_finite(tensors: Tensors, path: Path) -> None:
     """Refuse numbers of a style-learner that are not finite; only a parent's unknown accuracy may be none.
 
@@ -402,9 +299,7 @@ def require_finite(tensors: Tensors, path: Path) -> None:
     StyleError
         If there are some; it names the file.
     """
-    for name, array in tensors.items():
-        if name != "parents.rms" and not np.isfinite(array).all():
-            raise StyleError(f"{path} contains numbers that are not finite in '{name}': train it again.")
+    FOLDER.require_finite(tensors, path, but=("parents.rms",))
 
 
 def _check_shapes(tensors: Tensors, wanted: dict[str, tuple[int, ...]], path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from mbstudio.core.errors import StyleError, StyleWarning
 from mbstudio.core.sealing import seal_json
 from mbstudio.core.vae.models.radii import surface_rms
-from mbstudio.core.vae.models.style_learner import CARD_FILE, StyleLearner, load_style_learner, read_entries
+from mbstudio.core.vae.models.style_learner import FOLDER, StyleLearner, load_style_learner
 from mbstudio.core.vae.models.training import learn
 from tests.core.vae.populations import population
 
@@ -153,7 +153,7 @@ def test_no_flipped_bit_changes_a_style_unseen(
     """Each is told, or changes nothing: only the name of the seal itself may lose a letter."""
     folder = aligned.save(tmp_path / "sand")
     files = sorted(folder.iterdir())
-    before = read_entries(folder / CARD_FILE)
+    before = FOLDER.read_card(folder)
     unseen = 0
     for _ in range(flips):
         path = files[rng.integers(len(files))]
@@ -165,7 +165,7 @@ def test_no_flipped_bit_changes_a_style_unseen(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", StyleWarning)  # a letter of the name of the seal
             try:
-                entries = read_entries(folder / CARD_FILE)
+                entries = FOLDER.read_card(folder)
             except StyleError:
                 entries = {}
         weights = folder / str(entries.get("weights", ""))

@@ -1,0 +1,104 @@
+"""``mbstudio generate`` with a style of surfaces: PLY files, metaballs, factors, and what each is made of."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mbstudio.cli import console
+from mbstudio.cli.going_on import keeping_results
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+
+FACTORS_TABLE = "factors.csv"
+CLONES_TABLE = "clones.csv"
+
+
+def generate_surface_clones(
+    style_folder: Path, folder: Path, count: int, seed: int, where: list[str], unit: str | None,
+    processes: int, *, overwrite: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Generate clones of a style of surfaces, write them into a folder and say how they came about."""
+    from mbstudio.core.cloning.surface_generation import generate_surfaces
+    from mbstudio.core.cloning.surface_style_file import load_surface_style
+    from mbstudio.core.dem.folder import check_replaceable
+    from mbstudio.core.dem.manifest import files_of_earlier_export
+    from mbstudio.core.errors import GenerationError
+
+    begun = time.monotonic()
+    if folder.resolve() == style_folder.resolve():
+        raise GenerationError(f"{folder} is the folder of the style: choose another folder for the clones.")
+    check_replaceable(folder, files_of_earlier_export, overwrite)
+    style = load_surface_style(style_folder)
+    with keeping_results(folder):
+        with console.progress("Generating") as tell:
+            found = generate_surfaces(style, count, seed, targets=where, processes=processes, progress=tell)
+        _write(found, folder, unit, overwrite)
+    summary: dict[str, Any] = {
+        "clones": len(found),
+        "folder": str(folder),
+        "seed": seed,
+        "candidates": found.candidates,
+        "chosen_by": found.how,
+        "avatars_rms_percent_of_dn": 100 * float(_rms(found).mean()),
+        "invalid_avatars": int(sum(not clone.fitted.valid for clone in found.clones if clone.fitted)),
+        "seconds": round(time.monotonic() - begun, 1),
+    }
+    if as_json:
+        console.print_json({**summary, "reached": [figure.as_record() for figure in found.reached]})
+        return
+    console.print_facts(f"Clones in the style of {style_folder.name}", summary)
+    if found.reached:
+        console.print_table(
+            "Conditions", ("", "target", "found"), [(f.what, f.wanted, f.found) for f in found.reached]
+        )
+
+
+def _rms(found: SurfaceGeneration) -> pd.Series:
+    return clones_table(found)["avatar_rms"]
+
+
+def clones_table(found: SurfaceGeneration) -> pd.DataFrame:
+    """Return what each clone was made of, and how far its metaball is from its surface, in D_n."""
+    import pandas as pd
+
+    fitted = [clone.fitted for clone in found.clones]
+    return pd.DataFrame(
+        {
+            "name": [clone.name for clone in found.clones],
+            "parent": [clone.parent for clone in found.clones],
+            "diameter": [clone.recipe.diameter for clone in found.clones],
+            "avatar_rms": [entry.rms if entry else float("nan") for entry in fitted],
+            "avatar_volume_error": [entry.volume_error if entry else float("nan") for entry in fitted],
+            "avatar_valid": [bool(entry and entry.valid) for entry in fitted],
+        }
+    )
+
+
+def _write(found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: bool) -> None:
+    from trimesh.exchange.ply import export_ply
+
+    from mbstudio.core.dem import export
+    from mbstudio.core.units import conversion_factor
+
+    names = [clone.name for clone in found.clones]
+    table = found.factors.table().drop(columns=["warning", "not_measured"])
+    table.insert(1, "name", names)
+    files: dict[str, str | bytes] = {
+        FACTORS_TABLE: table.to_csv(index=False, lineterminator="\r\n"),
+        CLONES_TABLE: clones_table(found).to_csv(index=False, lineterminator="\r\n"),
+    }
+    for clone in found.clones:
+        mesh = clone.mesh()
+        if unit:
+            mesh.apply_scale(conversion_factor(clone.unit, unit))
+        files[f"{clone.name}.ply"] = export_ply(mesh)
+    with console.progress("Writing") as tell:
+        export(
+            found.avatars(), "metaball", folder, unit=unit, names=names, overwrite=overwrite, progress=tell,
+            attachments=files,
+        )  # fmt: skip

@@ -1,0 +1,108 @@
+"""Clones: form and size as asked, faces and edges as the parent's, nothing folded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mbstudio.core.cloning.clone_maker import (
+    CloneMap,
+    CloneOptions,
+    CloneRecipe,
+    draw_recipe,
+    make_surface,
+    stretches,
+)
+from mbstudio.core.cloning.solid_moments import principal_form, solid_moments
+from mbstudio.core.cloning.surface_style import SurfaceStyle, learn_surfaces
+from mbstudio.core.errors import CloningError
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25)
+def test_form_and_size_are_those_of_the_recipe(style: SurfaceStyle, seed: int) -> None:
+    recipe = draw_recipe(style, np.random.default_rng(seed))
+    surface = make_surface(style, recipe)
+    moments = solid_moments(surface.vertices, surface.faces)
+    assert moments.volume == pytest.approx(np.pi / 6 * recipe.diameter**3)
+    assert moments.centre == pytest.approx(np.zeros(3), abs=1e-9 * recipe.diameter)
+    semi_axes, _ = principal_form(moments)
+    logs = np.log(semi_axes)
+    assert logs - logs.mean() == pytest.approx(recipe.form, abs=1e-9)
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+
+
+def test_forms_and_sizes_are_spread_as_the_parents_are(style: SurfaceStyle) -> None:
+    rng = np.random.default_rng(1)
+    drawn = [style.draw_form_and_size(rng) for _ in range(4000)]
+    forms = np.stack([form for form, _ in drawn])
+    sizes = np.log([size for _, size in drawn])
+    error = style.forms.std(axis=0, ddof=1) / np.sqrt(len(style.parents))
+    assert (abs(forms.mean(axis=0) - style.forms.mean(axis=0)) < 0.5 * error + 0.01).all()
+    assert forms.std(axis=0) == pytest.approx(style.forms.std(axis=0), rel=0.1)
+    assert sizes.mean() == pytest.approx(style.log_diameters.mean(), abs=0.02)
+    assert sizes.std() == pytest.approx(style.log_diameters.std(), rel=0.1)
+
+
+def test_no_parent_is_stretched_more_than_allowed(style: SurfaceStyle) -> None:
+    rng = np.random.default_rng(2)
+    found = np.stack([stretches(style, draw_recipe(style, rng)) for _ in range(60)])
+    assert np.prod(found, axis=1) == pytest.approx(np.ones(60))
+    # Forms beyond what any parent reaches within the bound take the least stretch there is.
+    assert np.mean(found[:, 0] <= 1.2 + 1e-12) > 0.8
+    assert found.max() < 1.5
+
+
+def test_without_warp_planes_stay_plane() -> None:
+    """A linear map of a box is a box with slanted faces: still twelve triangles in six planes."""
+    boxes = []
+    for size in ((1.0, 1.2, 1.5), (1.1, 1.2, 1.3)):
+        box = trimesh.creation.box(size)
+        box = box.subdivide()
+        box.units = "mm"
+        boxes.append(box)
+    style = learn_surfaces(boxes)
+    recipe = draw_recipe(style, np.random.default_rng(0), CloneOptions(warping=0.0))
+    surface = make_surface(style, recipe)
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    angles = mesh.face_adjacency_angles
+    assert ((angles < 1e-6) | (angles > 0.5)).all()
+    assert len({tuple(normal) for normal in mesh.face_normals.round(6)}) == 6
+
+
+def test_a_mirrored_parent_is_wound_outwards(style: SurfaceStyle) -> None:
+    shares = np.zeros(len(style.modes))
+    recipe = CloneRecipe(0, style.parents[0].log_form, np.diag([1.0, 1.0, -1.0]), shares, 2.0)
+    surface = make_surface(style, recipe)
+    assert solid_moments(surface.vertices, surface.faces).volume > 0
+    wanted = style.parents[0].body_vertices() * [1, 1, -1] * 2.0
+    assert surface.vertices == pytest.approx(wanted, abs=1e-9)
+
+
+def test_control_points_and_surface_go_the_same_way(style: SurfaceStyle) -> None:
+    recipe = draw_recipe(style, np.random.default_rng(3))
+    clone_map = CloneMap(style, recipe)
+    vertices = style.parents[recipe.parent].vertices
+    assert clone_map(vertices) == pytest.approx(clone_map.surface.vertices, abs=1e-9)
+    points, step = 0.3 * vertices[:5], 1e-5
+    slopes = np.stack(
+        [(clone_map(points + step * e) - clone_map(points - step * e)) / (2 * step) for e in np.eye(3)],
+        axis=2,
+    )
+    assert clone_map.scale_at(points) == pytest.approx(np.cbrt(abs(np.linalg.det(slopes))), rel=1e-6)
+
+
+def test_warps_that_fold_every_parent_are_refused(style: SurfaceStyle) -> None:
+    options = CloneOptions(warping=1.5, local_stretch=1.001)
+    with pytest.raises(CloningError, match="ask for less warping"):
+        draw_recipe(style, np.random.default_rng(0), options)
+
+
+def test_one_parent_is_too_few(style: SurfaceStyle) -> None:
+    with pytest.raises(CloningError, match="1 parent is too few"):
+        SurfaceStyle(style.parents[:1], style.modes, 0.0)
