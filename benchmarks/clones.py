@@ -2,7 +2,7 @@
 
 Parents are one half of a kind of grains, the judge's true grains the other half, and then the other way
 about, for each seed. Every figure has its error beside it, and the same figure for true against true grains.
-What the clones were tuned on is said in docs/benchmarks.md; kinds that nothing was tuned on are the fair ones.
+What the clones were tuned on is said in docs/benchmarks.md; kinds that nothing was tuned on are fair ones.
 
 Run: ``OMP_NUM_THREADS=1 python benchmarks/clones.py [KIND ...] [--seeds 3] [--clones 2] [--n 120]
 [--parents 20] [--stretch 1.2] [--warping 0.3] [--preset surfaces|aligned] [--processes 2]``.

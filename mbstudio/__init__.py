@@ -12,6 +12,10 @@ from typing import TYPE_CHECKING, Any
 from mbstudio.core.version import __version__
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.parent_avatars import fit_parents
+    from mbstudio.core.cloning.surface_generation import generate_surfaces
+    from mbstudio.core.cloning.surface_style import SurfaceStyle, learn_surfaces
+    from mbstudio.core.cloning.surface_style_file import load_surface_style, save_surface_style
     from mbstudio.core.dem import export
     from mbstudio.core.errors import MbstudioError
     from mbstudio.core.grains import Grain, GrainSet, load_labels, segment
@@ -37,16 +41,22 @@ _HOME_OF = {
     "ShapeFactors": "metrics",
     "Stroke": "grains.classifying",
     "StyleLearner": "vae.models.style_learner",
+    "SurfaceStyle": "cloning.surface_style",
     "VoxelClassifier": "grains.classifying",
     "export": "dem",
     "fit": "imaging",
+    "fit_parents": "cloning.parent_avatars",
     "generate": "vae.generate.generator",
+    "generate_surfaces": "cloning.surface_generation",
     "learn": "vae.models.training",
+    "learn_surfaces": "cloning.surface_style",
     "load_classifier": "grains.classifying",
     "load_labels": "grains",
     "load_style_learner": "vae.models.style_learner",
+    "load_surface_style": "cloning.surface_style_file",
     "measure": "metrics",
     "open_scan": "scan",
+    "save_surface_style": "cloning.surface_style_file",
     "segment": "grains",
     "serialize": "vae.serialize.serializer",
     "start_fit": "imaging",
@@ -63,17 +73,23 @@ __all__ = [
     "ShapeFactors",
     "Stroke",
     "StyleLearner",
+    "SurfaceStyle",
     "VoxelClassifier",
     "__version__",
     "export",
     "fit",
+    "fit_parents",
     "generate",
+    "generate_surfaces",
     "learn",
+    "learn_surfaces",
     "load_classifier",
     "load_labels",
     "load_style_learner",
+    "load_surface_style",
     "measure",
     "open_scan",
+    "save_surface_style",
     "segment",
     "serialize",
     "start_fit",

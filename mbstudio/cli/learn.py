@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -96,9 +97,7 @@ def learn(
 ) -> None:
     """Run ``mbstudio learn``; `HELP` says what it does."""
     from mbstudio.core.batch.processes import usable_cores
-    from mbstudio.core.vae.models.style_learner import load_style_learner
 
-    begun = time.monotonic()
     if inputs.require_cavities(cavities) == "keep":
         raise StyleError("A style is learned of outer surfaces, without cavities: leave --cavities keep out.")
     _require_folder(folder)
@@ -112,7 +111,25 @@ def learn(
             seed, unit, workers or usable_cores(), as_json=as_json,
         )  # fmt: skip
         return
-    n = n or _USUAL_NUMBER
+    _learn_by_template(
+        lambda number, template: _parents(
+            sources, number, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
+        ),
+        inputs.title_of(sources), folder, preset, n, on, steps, seed, as_json=as_json,
+    )  # fmt: skip
+
+
+_USUAL_NUMBER = 40
+
+
+def _learn_by_template(
+    read: Callable[[int, Template | None], Serialization], title: str, folder: Path, preset: str,
+    n: int | None, on: Path | None, steps: int | None, seed: int, *, as_json: bool,
+) -> None:  # fmt: skip
+    """Learn a style of serialized grains; `read` returns them, given control points and a template."""
+    from mbstudio.core.vae.models.style_learner import load_style_learner
+
+    begun = time.monotonic()
     options: dict[str, Any] = {}
     known = None if on is None else load_style_learner(on)
     if steps is not None:
@@ -122,9 +139,7 @@ def learn(
         options["steps"] = steps
     template = None if known is None else known.template
     with keeping_results(folder) as kept:
-        parents = _parents(
-            sources, n, seed, grains, limit, from_avatars, unit, workers or usable_cores(), template
-        )
+        parents = read(n or _USUAL_NUMBER, template)
         training = _begin(parents, known, preset, seed, options, _checkpoint(folder))
         learner, kept.stays = _trained(training)
         learner.save(folder)
@@ -135,15 +150,12 @@ def learn(
     if as_json:
         console.print_json({**summary, "notes": learner.card.notes, "interrupted": interrupted})
     else:
-        console.print_facts(f"Style of {inputs.title_of(sources)}", summary)
+        console.print_facts(f"Style of {title}", summary)
         for note in learner.card.notes:
             console.tell(f"mbstudio: {note}")
     if interrupted:
         console.tell("mbstudio: interrupted: the best state so far was saved.")
         raise typer.Exit(INTERRUPTED)
-
-
-_USUAL_NUMBER = 40
 
 
 def _checkpoint(folder: Path) -> Path:

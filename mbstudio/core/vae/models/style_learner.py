@@ -24,6 +24,7 @@ FOLDER = TensorFolder(
     error=StyleError, warning=StyleWarning, made_again="train it again",
 )  # fmt: skip
 CARD_FILE = FOLDER.card
+_SURFACE_CARD = "surface-style.json"
 _PARENT_ARRAYS = ("centers", "log_weights", "diameters", "rms", "valid")
 
 
@@ -275,6 +276,11 @@ def read_learner(folder: Path) -> StyleLearner:
         If there is none, or a file is damaged, foreign, or from a newer mbstudio; it names the file.
     """
     path = folder / CARD_FILE
+    if not path.exists() and (folder / _SURFACE_CARD).exists():
+        raise StyleError(
+            f"{folder} is a style of surfaces, which has no latent space to work in: 'mbstudio generate' "
+            "makes clones of it."
+        )
     entries = FOLDER.read_card(folder)
     try:
         tensors, weights = FOLDER.read_tensors(folder, entries)
