@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -119,6 +120,26 @@ def _project(path: Path) -> str:
     from mbstudio.core.project.file import read_project
 
     return digest(read_project(path))
+
+
+def _project_here(path: Path) -> str:
+    """Read as a process of its own does it, but in this one, whose bounds are tighter than its."""
+    from mbstudio.core.project import stored_reading
+
+    def here(stream: Any, wanted: str, _: Path) -> Any:
+        return contextlib.nullcontext(stored_reading._Here(stream, wanted))
+
+    with mock.patch.object(stored_reading, "_Elsewhere", here):
+        return _project(path)
+
+
+def _surface_style(path: Path) -> str:
+    from mbstudio.core.cloning.surface_style_file import load_surface_style
+
+    style = load_surface_style(path if path.is_dir() else path.parent)
+    avatars = [array for entry in style.avatars for array in (entry.avatar.centers, entry.avatar.weights)]
+    surfaces = [array for parent in style.parents for array in (parent.vertices, parent.faces)]
+    return digest(style.modes, *surfaces, *avatars, [parent.name for parent in style.parents], style.misfit)
 
 
 def _journal(path: Path) -> str:
@@ -244,6 +265,8 @@ READERS: dict[str, Callable[[Path], str]] = {
     "labels": _labels,
     "mesh": _mesh,
     "project": _project,
+    "project read here": _project_here,
+    "surface style": _surface_style,
     "journal": _journal,
     "style": _style,
     "serialization": _serialization,

@@ -287,7 +287,10 @@ def _styles(folder: Path) -> list[Case]:
 
 
 def _unsealed_styles(folder: Path) -> list[Case]:
-    cases = _styles(folder)
+    return _without_seals(_styles(folder))
+
+
+def _without_seals(cases: list[Case]) -> list[Case]:
     for files, _ in cases:
         for name, content in files.items():
             if name.endswith(".json"):
@@ -295,6 +298,22 @@ def _unsealed_styles(folder: Path) -> list[Case]:
                 del entries["seal"]
                 files[name] = json.dumps(entries).encode()
     return cases
+
+
+def _surface_styles(folder: Path) -> list[Case]:
+    from mbstudio.core.cloning.parent_avatars import fit_parents
+    from mbstudio.core.cloning.surface_style import learn_surfaces
+    from mbstudio.core.cloning.surface_style_file import save_surface_style
+    from tests.core.cloning.conftest import make_stone
+
+    save_surface_style(
+        fit_parents(learn_surfaces([make_stone(0, 2), make_stone(1, 2)]), 3), folder / "stones"
+    )
+    return cases_of_folder(folder)
+
+
+def _unsealed_surface_styles(folder: Path) -> list[Case]:
+    return _without_seals(_surface_styles(folder))
 
 
 def _serializations(folder: Path) -> list[Case]:
@@ -434,6 +453,9 @@ SEEDS: dict[str, tuple[str, Seeds]] = {
     "journals": ("journal", _journals),
     "styles": ("style", _styles),
     "unsealed-styles": ("style", _unsealed_styles),
+    "surface-styles": ("surface style", _surface_styles),
+    "unsealed-surface-styles": ("surface style", _unsealed_surface_styles),
+    "old-projects-here": ("project read here", _old_projects),
     "serializations": ("serialization", _serializations),
     "recipes": ("recipes", _recipe_files),
     "latents": ("latents", _latent_tables),
@@ -447,5 +469,14 @@ SEEDS: dict[str, tuple[str, Seeds]] = {
 }
 """What is attacked: the reader of each kind of file, and what makes whole files of it."""
 
-CHECKSUMMED = ("projects", "styles", "serializations", "autosaves", "classifiers", "gzip", "png")
+CHECKSUMMED = (
+    "projects",
+    "styles",
+    "surface-styles",
+    "serializations",
+    "autosaves",
+    "classifiers",
+    "gzip",
+    "png",
+)
 """Kinds of file in which no flipped bit may pass unseen."""
