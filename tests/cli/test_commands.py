@@ -26,7 +26,7 @@ def test_version(mbstudio):
 def test_help_names_every_command(mbstudio):
     ran = mbstudio("--help")
     assert ran.code == 0
-    for command in ("gui", "tour", "segment", "fit", "measure", "report", "export", "doctor"):
+    for command in ("gui", "tour", "segment", "fit", "measure", "report", "export", "judge", "doctor"):
         assert command in ran.out
 
 

@@ -49,7 +49,7 @@ def thumbnail(
     gradient = avatar.gradient(origins[met] - hits[met][:, None] * away)
     normal = -gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-300)
     shade[met] = lit(normal)
-    return _picture(met, shade, colour, size)
+    return shaded_picture(met, shade, colour, size)
 
 
 def pictured_reach(avatar: Avatar) -> float:
@@ -66,7 +66,11 @@ def lit(normals: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, " m"]:
     return 0.3 + 0.75 * np.clip(normals @ (light / np.linalg.norm(light)), 0.0, 1.0)
 
 
-def _picture(met: np.ndarray, shade: np.ndarray, colour: str, size: int) -> UInt8[np.ndarray, "s s 4"]:
+def shaded_picture(
+    met: np.ndarray, shade: np.ndarray, colour: str, size: int
+) -> UInt8[np.ndarray, "size size 4"]:
+    """Return rays that met something, with their brightness, as a picture with smooth outlines."""
+
     def pixels(values: np.ndarray) -> np.ndarray:
         return values.reshape(size, _SAMPLES, size, _SAMPLES).mean(axis=(1, 3))
 
