@@ -12,11 +12,9 @@ from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import tr
 from mbstudio.ui.view.tool_commands import TOOLS
 
-ROOMY = 640  # pixels: wide enough for a bar with the names of its layers
-
 
 class ViewBar(QToolBar):
-    """The bar itself; where there is little room its layers are icons without words.
+    """The bar itself; where its layers have no room for their words they are icons alone.
 
     Parameters
     ----------
@@ -43,6 +41,12 @@ class ViewBar(QToolBar):
         views = [command.id for command in commands if command.id.startswith("view.from_")]
         self._add_menu("ph.video-camera", tr("View from …"), tr("Camera presets"), views)
         self._add_menu("ph.ruler", tr("Measure, clip, compare …"), tr("Tools of the view"), list(TOOLS))
+        # Qt's own, where not even the icons have room; its arrow is lost in style sheets.
+        more = self.findChild(QToolButton, "qt_toolbar_ext_button")
+        if more is not None:
+            icons.set(more, "ph.caret-right")
+            more.setToolTip(tr("More"))
+            more.setAccessibleName(tr("More"))
 
     def _add_group(self, *names: str) -> None:
         """Add buttons and a line after them, which is there as long as one of them is."""
@@ -67,10 +71,22 @@ class ViewBar(QToolBar):
     def _show_lines(self) -> None:
         for actions, line in self._groups:
             line.setVisible(any(action.isVisible() for action in actions))
+        self._write_words()
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
+    def _write_words(self) -> None:
+        """Name the layers if all that is offered has room then."""
         styles = Qt.ToolButtonStyle
-        style = styles.ToolButtonTextBesideIcon if self.width() >= ROOMY else styles.ToolButtonIconOnly
+        self._set_style(styles.ToolButtonTextBesideIcon)
+        layout = self.layout()
+        assert layout is not None
+        layout.invalidate()
+        if layout.sizeHint().width() > self.width():
+            self._set_style(styles.ToolButtonIconOnly)
+
+    def _set_style(self, style: Qt.ToolButtonStyle) -> None:
         for button in self._worded:
             button.setToolButtonStyle(style)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._write_words()
         super().resizeEvent(event)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from mbstudio.core.units import METRES_PER_UNIT, conversion_factor
 
 
@@ -21,6 +23,21 @@ def readable_power_unit(value: float, unit: str, power: int) -> str:
         if excess < least or (excess == least and name == unit):
             best, least = name, excess
     return best
+
+
+def four_digits(value: float) -> str:
+    """Return a number by four digits in little room, a dash where there is none.
+
+    >>> four_digits(0.8), four_digits(7162.3), four_digits(47404.0), four_digits(0.000081234)
+    ('0.8000', '7162', '47,400', '8.12e-5')
+    """
+    if not math.isfinite(value):
+        return "–"
+    if value and not 1e-3 <= abs(value) < 1e7:
+        digits, exponent = f"{value:.2e}".split("e")
+        return f"{digits}e{int(exponent)}"
+    text = f"{value:#.4g}".rstrip(".")
+    return f"{float(text):,.0f}" if abs(value) >= 9999.5 else text
 
 
 def readable_time(seconds: float) -> str:

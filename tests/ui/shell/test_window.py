@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog
+from PySide6.QtWidgets import QFileDialog, QToolButton
 from scipy.ndimage import distance_transform_edt
 
 import mbstudio
@@ -277,6 +277,26 @@ def test_both_themes_paint_window_and_view(scanned, idle):
         )
     assert min(brightness["light"]) > 180
     assert max(brightness["dark"]) < 80
+
+
+@pytest.mark.parametrize("width", [1024, 1400, 1800])
+def test_all_of_the_bar_above_the_view_has_room(with_grains, idle, width):
+    """Its layers have words only where all has room beside them; else Qt's button has the rest."""
+    window, words = with_grains, with_grains.view_bar._worded
+    window.resize(width, 700)
+    for station in ("scan", "grains", "fit", "populations"):
+        window.enter(station)
+        idle()
+        shown = [action for action in window.view_bar.actions() if action.isVisible()]
+        hidden = [action for action in shown if not window.view_bar.widgetForAction(action).isVisible()]
+        if hidden:
+            more = window.view_bar.findChild(QToolButton, "qt_toolbar_ext_button")
+            assert more.isVisible(), station
+            assert not more.icon().isNull()
+            assert window.view_bar.width() < 500
+    assert width < 1800 or all(
+        b.toolButtonStyle() == Qt.ToolButtonStyle.ToolButtonTextBesideIcon for b in words
+    )
 
 
 def test_no_two_lines_of_the_bar_above_the_view_stand_side_by_side(with_grains, idle):

@@ -201,8 +201,8 @@ class StyleTraining:
         return TrainingStep(
             step, self.trainer.steps, last.reconstruction, last.distribution, last.weight, last.loss,
             math.nan, False,
-            f"the loss is no longer finite at step {step}: the training stops, and the best state, "
-            f"of step {kept}, is kept",
+            f"The training stopped at step {step}, where the loss was no longer finite. The best state, of "
+            f"step {kept}, is kept.",
         )  # fmt: skip
 
     def _validation_rows(self) -> Int[np.ndarray, " rows"]:

@@ -10,7 +10,7 @@ from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.units import conversion_factor
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.factor_words import factor_short, factor_tip
-from mbstudio.ui.widgets.numbers import readable_power_unit
+from mbstudio.ui.widgets.numbers import four_digits, readable_power_unit
 
 _SHOWN = ("volume", "area", "sphericity", "circularity", "csf", "dn", "ds", "dns")
 _HEADS = (mark("Factor"), mark("Grain"), mark("Avatar"), mark("Error"))
@@ -108,13 +108,15 @@ class FactorsTable(QTableWidget):
         if truth is None:
             return ""
         if self._intervals is None:
-            return f"{truth * factor:#.4g}"
+            return four_digits(truth * factor)
         low, high = self._intervals.intervals[name]
         digits = _digits_beside_intervals(low * factor)
         return "–\n".join(f"{bound * factor:#.{digits}g}".rstrip(".") for bound in (low, high))
 
     def _avatar_text(self, value: float) -> str:
-        return f"{value:#.{4 if self._intervals is None else _digits_beside_intervals(value)}g}"
+        if self._intervals is None:
+            return four_digits(value)
+        return f"{value:#.{_digits_beside_intervals(value)}g}".rstrip(".")
 
     def _set_row_height(self, height: int) -> None:
         for row in range(len(_SHOWN)):

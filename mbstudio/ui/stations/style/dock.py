@@ -22,6 +22,7 @@ from mbstudio.ui.stations.style.quality_table import QualityTable
 from mbstudio.ui.stations.style.training_plots import TrainingPlots
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.factor_words import factor_short, factor_title
+from mbstudio.ui.widgets.numbers import four_digits
 
 SHOWN = ("dn", "volume", "area", "sphericity", "circularity", "dns", "csf")
 
@@ -140,7 +141,7 @@ class _Number(QTableWidgetItem):
 
 def _number(value: float) -> QTableWidgetItem:
     known = bool(np.isfinite(value))
-    item = _Number(f"{value:#.4g}" if known else "–")
+    item = _Number(four_digits(value))
     item.setData(Qt.ItemDataRole.UserRole, value if known else float("inf"))
     item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
     return item

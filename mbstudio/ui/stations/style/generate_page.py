@@ -14,6 +14,7 @@ from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.dock import SHOWN
 from mbstudio.ui.widgets.comparison_table import ComparisonTable
 from mbstudio.ui.widgets.forms import label, primary_button, row
+from mbstudio.ui.widgets.numbers import four_digits
 from mbstudio.ui.workspace import Workspace
 
 _ROWS = tuple(
@@ -184,14 +185,12 @@ class GeneratePage(QWidget):
             scale, unit = readable_scale([factors], name)
             column = factors.column(name)
             value = np.nanmean(column) if chosen is None else column[chosen - 1]
-            ours.append(_text(scale * float(value)))
-            theirs.append("" if assessed is None else _text(scale * float(np.nanmean(shown[1].column(name)))))
+            ours.append(four_digits(scale * float(value)))
+            theirs.append(
+                "" if assessed is None else four_digits(scale * float(np.nanmean(shown[1].column(name))))
+            )
             units.append(FACTORS[name].unit(unit))
         heads = [tr("Mean") if chosen is None else tr("Clone {number}", number=chosen), tr("Parents")]
         columns = [ours, theirs]
         some = 2 if assessed is not None else 1
         self.factors.fill(heads[:some], columns[:some], units)
-
-
-def _text(value: float) -> str:
-    return f"{value:#.4g}" if np.isfinite(value) else "–"

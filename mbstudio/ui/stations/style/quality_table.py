@@ -24,6 +24,7 @@ from mbstudio.ui.language import mark, tr
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.factor_words import factor_title
 from mbstudio.ui.widgets.forms import label
+from mbstudio.ui.widgets.numbers import four_digits
 
 if TYPE_CHECKING:
     from mbstudio.core.vae.generate.quality import FactorQuality, Quality
@@ -169,7 +170,7 @@ class QualityTable(QFrame):
         floor, title = factor.floor, factor_title(factor.factor)
         shown_unit = FACTORS[factor.factor].unit(unit)
         words = f"{title} [{shown_unit}]" if shown_unit else title
-        pairs = [[f"{scale * value:#.4g}" for value in pair] for pair in (factor.means, factor.deviations)]
+        pairs = [[four_digits(scale * value) for value in pair] for pair in (factor.means, factor.deviations)]
         marks = {
             2: factor.mean_error <= floor.mean_error[1],
             5: factor.deviation_error <= floor.deviation_error[1],
