@@ -9,6 +9,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QAbstractButton, QWidget
 
+from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.icons import Icons
 
 
@@ -76,7 +77,8 @@ class CommandTable(QObject):
         self._icons, self._host = icons, host
         self._commands: dict[str, Command] = {}
         self._actions: dict[str, QAction] = {}
-        self._is_outdated = False
+        self._is_outdated = self._is_closed = False
+        self._deferred = DeferredCalls(self)
 
     def add(self, commands: Iterable[Command]) -> None:
         """Take commands in; each gets its action.
@@ -146,6 +148,7 @@ class CommandTable(QObject):
 
         def press() -> None:
             self.run(command_id)
+            self.bring_up_to_date()  # a second press finds what the first one did
             follow()  # the button has switched itself, whether or not the command did anything
 
         action.changed.connect(follow)
@@ -153,12 +156,20 @@ class CommandTable(QObject):
         follow()
 
     def outdate(self) -> None:
-        """Tell that commands may have changed, and that `refresh` will be called soon."""
+        """Tell that commands may have changed: they are refreshed once the event loop is free.
+
+        A correction of grains tells of a dozen changes, and each command looks at the project.
+        """
         self._is_outdated = True
+        self._deferred.call(self.bring_up_to_date)
+
+    def close(self) -> None:
+        """Look at nothing any more by itself: what commands ask about is going."""
+        self._is_closed = True
 
     def bring_up_to_date(self) -> None:
         """Refresh if something may have changed since."""
-        if self._is_outdated:
+        if self._is_outdated and not self._is_closed:
             self.refresh()
 
     def refresh(self) -> None:

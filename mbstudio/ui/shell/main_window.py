@@ -22,7 +22,6 @@ from PySide6.QtWidgets import (
 )
 
 from mbstudio.core.errors import MbstudioError
-from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.icons import Icons, application_icon
 from mbstudio.ui.kept_settings import stored_bytes
 from mbstudio.ui.language import tr
@@ -217,12 +216,11 @@ class MainWindow(QMainWindow):
 
     def _connect_signals(self) -> None:
         studio, space = self.studio, self.workspace
-        self._deferred = DeferredCalls(self)
         self._undo_and_redo = self.commands.action("edit.undo"), self.commands.action("edit.redo")
         for signal in (studio.refresh_asked, space.state_changed, self.queue.changed, self.message_bar.shown):
-            signal.connect(lambda *_: self._refresh_soon())
+            signal.connect(lambda *_: self.refresh())
         # Esc belongs to the measurements again.
-        self.message_bar.gone.connect(lambda: self._deferred.call(self.refresh))
+        self.message_bar.gone.connect(lambda: self.refresh())
         studio.hint_given.connect(self.statusBar().showMessage)
         self.stations.entered.connect(self._show_station)
         self.rail.chosen.connect(self.enter)
@@ -252,22 +250,11 @@ class MainWindow(QMainWindow):
         self._panels.setCurrentWidget(station.panel)
         self.docks.show()
 
-    def _refresh_soon(self) -> None:
-        """Show the project, and bring the commands up to date once the event loop is free.
-
-        A correction of grains tells of a dozen changes, and each command looks at the project.
-        """
+    def refresh(self) -> None:
+        """Show the project, and bring commands and buttons up to date once the event loop is free."""
         if not self._closing:
             self._show_project()
             self.commands.outdate()
-            self._deferred.call(self.refresh)
-
-    def refresh(self) -> None:
-        """Bring commands, buttons and the title up to date."""
-        if self._closing:
-            return
-        self.commands.refresh()
-        self._show_project()
 
     def _show_project(self) -> None:
         """Show what there is, what can be undone, and the title."""
@@ -355,6 +342,7 @@ class MainWindow(QMainWindow):
             files.leave_project(self._close_without_asking)
             return
         self._closing = True
+        self.commands.close()
         self.settings.setValue("geometry", self.saveGeometry())
         for station in self.stations:
             station.stop_and_keep()

@@ -271,7 +271,7 @@ class SliceViews(QObject):
                 self._view.draw()
         self._show_bar()
         self._outline_avatar()
-        self._studio.commands.refresh()
+        self._studio.commands.outdate()
 
     def _outline_avatar(self, *_: object) -> None:
         """Draw where the slices cut the avatar of the grain that is looked at."""

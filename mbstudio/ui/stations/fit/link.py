@@ -70,11 +70,11 @@ class FitLink(QObject):
 
     def _show_factors(self, grain: ShapeFactors | None, avatar: ShapeFactors | None) -> None:
         self._panel.show_factors(grain, avatar)
-        self._studio.commands.refresh()
+        self._studio.commands.outdate()
 
     def _show_intervals(self, label: int, intervals: FactorIntervals | None) -> None:
         self._panel.show_intervals(label, intervals)
-        self._studio.commands.refresh()
+        self._studio.commands.outdate()
 
     def _show_points(self) -> None:
         with QSignalBlocker(self._panel.points):
@@ -82,7 +82,7 @@ class FitLink(QObject):
 
     def _switch_points(self, shown: bool) -> None:
         self._view.show_layer("points", shown)
-        self._studio.commands.refresh()
+        self._studio.commands.outdate()
 
     # ---- what the commands do --------------------------------------------------------------------
 

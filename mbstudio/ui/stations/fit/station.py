@@ -97,7 +97,7 @@ class FitStation(Station):
         self.relay_messages(self.work, self.sweep_work, self.interval_work)
         self.work.changed.connect(self.studio.refresh)
         self.work.arrived.connect(self.arrived)
-        self.sweep_dock.advice_changed.connect(self.studio.commands.refresh)
+        self.sweep_dock.advice_changed.connect(self.studio.commands.outdate)
         self.sweep_work.changed.connect(self.studio.refresh)
         for button, command in (
             (self.panel.fit_button, "fit.grain"),
