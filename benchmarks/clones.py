@@ -17,6 +17,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -24,12 +25,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import trimesh
 from grain_kinds import Implicit, angular, concave
-from parents import implicit_mesh
+from parents import implicit_mesh, sand_ct
 
 from mbstudio.core.cloning.clone_maker import CloneOptions
 from mbstudio.core.cloning.parent_avatars import fit_parents
 from mbstudio.core.cloning.surface_generation import generate_surfaces
 from mbstudio.core.cloning.surface_style import learn_surfaces
+from mbstudio.core.grains.grain import Grain
 from mbstudio.core.judging.features import Features
 from mbstudio.core.judging.judgement import Drift, Judgement
 from mbstudio.core.judging.judging import judge
@@ -59,15 +61,16 @@ def synthetic(
     return [implicit_mesh(make(rng), 1.25, side=48) for _ in range(count)]
 
 
-KINDS: dict[str, Callable[[], list[trimesh.Trimesh]]] = {
+KINDS: dict[str, Callable[[], Sequence[Any]]] = {
     "aggregates": lambda: shared("aggregates", "mm"),
     "cement": lambda: shared("cement", "um"),
+    "sand": lambda: sand_ct(slice(0, 96)),
     "angular": lambda: synthetic(angular, 48, 71),
     "concave": lambda: synthetic(concave, 48, 72),
 }
 
 
-def features_of(bodies: Sequence[trimesh.Trimesh | Avatar], processes: int) -> list[Features]:
+def features_of(bodies: Sequence[trimesh.Trimesh | Grain | Avatar], processes: int) -> list[Features]:
     """Return the features of bodies, every one of which must have some."""
     found = measure_features(bodies, workers=processes if processes > 1 else 0)
     for entry in found:
@@ -79,7 +82,7 @@ def features_of(bodies: Sequence[trimesh.Trimesh | Avatar], processes: int) -> l
 class Clones:
     """Clones of some parents: surfaces and avatars, and the row of the parent of each."""
 
-    def __init__(self, parents: Sequence[trimesh.Trimesh], asked: argparse.Namespace, seed: int) -> None:
+    def __init__(self, parents: Sequence[Any], asked: argparse.Namespace, seed: int) -> None:
         begun = time.process_time()
         count = asked.clones * len(parents)
         self.surfaces: list[trimesh.Trimesh] = []
@@ -92,7 +95,13 @@ class Clones:
             self.fits_of_parents = [entry.avatar for entry in style.avatars]
             self.rms = float(np.mean([clone.fitted.rms for clone in found.clones if clone.fitted]))
         else:
-            shapes = serialize(parents, asked.n, unit=parents[0].units, seed=seed, processes=asked.processes)
+            shapes = serialize(
+                parents,
+                asked.n,
+                unit=getattr(parents[0], "units", None),
+                seed=seed,
+                processes=asked.processes,
+            )
             made = generate(learn(shapes, asked.preset, seed=seed), count, seed, processes=asked.processes)
             self.avatars, self.parents = made.avatars(), made.parents.tolist()
             self.fits_of_parents = shapes.avatars()

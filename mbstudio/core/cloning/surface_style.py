@@ -98,7 +98,8 @@ class SurfaceStyle:
         known = np.column_stack([self.forms[:, :2], self.log_diameters])
         mean = known.mean(axis=0)
         drawn = known[rng.integers(len(known))] - mean
-        noise = rng.multivariate_normal(np.zeros(3), np.cov(known.T))
+        variances, directions = np.linalg.eigh(np.cov(known.T))
+        noise = directions @ (np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(3))
         drawn = mean + np.sqrt(1 - _SMOOTHING**2) * drawn + _SMOOTHING * noise
         form = np.sort([drawn[0], drawn[1], -drawn[0] - drawn[1]])[::-1]
         return form, float(np.exp(drawn[2]))
