@@ -20,6 +20,32 @@ if TYPE_CHECKING:
 
 TABLE = "factors.csv"
 
+WhereOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--where",
+        metavar="WORDS",
+        help="A condition on the clones: 'sphericity=0.75..0.8', 'csf=0.7+-0.05', 'D50=0.4 mm', "
+        "'sieve=0.3:10,0.4:55,0.6:100 mm'; repeat for more.",
+    ),
+]
+StretchOption = Annotated[
+    float | None,
+    typer.Option("--stretch", help="Of a style of surfaces: largest stretch of a parent, usually 1.25."),
+]
+WarpingOption = Annotated[
+    float | None,
+    typer.Option(
+        "--warping", help="Of a style of surfaces: strength of the warp, usually 0.2; 1 is as grains differ."
+    ),
+]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--report", metavar="FILE", help="Write a comparison of parents and clones as an HTML file."
+    ),
+]
+
 
 HELP = """Generate new valid grains whose factors are distributed like their parents', or as --where states.
 
@@ -38,22 +64,11 @@ def generate(
     ],
     count: Annotated[int, typer.Option("--count", help="Number of clones.")] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same clones.")] = 0,
-    where: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--where",
-            metavar="WORDS",
-            help="A condition on the clones: 'sphericity=0.75..0.8', 'csf=0.7+-0.05', 'D50=0.4 mm', "
-            "'sieve=0.3:10,0.4:55,0.6:100 mm'; repeat for more.",
-        ),
-    ] = None,
+    where: WhereOption = None,
+    stretch: StretchOption = None,
+    warping: WarpingOption = None,
     unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            "--report", metavar="FILE", help="Write a comparison of parents and clones as an HTML file."
-        ),
-    ] = None,
+    report: ReportOption = None,
     workers: inputs.WorkersOption = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write into a folder that contains other files.")
@@ -61,7 +76,7 @@ def generate(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio generate``; `HELP` says what it does."""
-    from mbstudio.cli.generate_surfaces import generate_surface_clones
+    from mbstudio.cli.surfaces import generate_surface_clones
     from mbstudio.core.batch.processes import usable_cores
     from mbstudio.core.cloning.surface_style_file import holds_surface_style
     from mbstudio.core.dem.folder import check_replaceable
@@ -76,11 +91,14 @@ def generate(
                 "--report compares serialized parents with clones, and this is a style of surfaces: "
                 "use 'mbstudio judge' on the clones."
             )
+        given = {"stretch": stretch, "warping": warping}
         generate_surface_clones(
-            style, folder, count, seed, where or [], unit, workers or usable_cores(), overwrite=overwrite,
-            as_json=as_json,
+            style, folder, count, seed, where or [], {name: x for name, x in given.items() if x is not None},
+            unit, workers or usable_cores(), overwrite=overwrite, as_json=as_json,
         )  # fmt: skip
         return
+    if stretch is not None or warping is not None:
+        raise GenerationError(f"--stretch and --warping are for styles of surfaces, which {style} is not.")
     if report is not None:
         require_table_output(report, style)
     if folder.resolve() == style.resolve():

@@ -102,7 +102,7 @@ def learn(
         raise StyleError("A style is learned of outer surfaces, without cavities: leave --cavities keep out.")
     _require_folder(folder)
     if preset == SURFACES:
-        from mbstudio.cli.learn_surfaces import learn_surface_style
+        from mbstudio.cli.surfaces import learn_surface_style
 
         if on is not None or steps is not None:
             raise StyleError("--on and --steps do not apply to preset 'surfaces': leave them out.")

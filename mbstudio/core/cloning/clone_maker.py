@@ -14,19 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from mbstudio.core.cloning.kernel_warp import FLIPS, displacement, gradient
+from mbstudio.core.cloning.kernel_warp import displacement, gradient
 from mbstudio.core.cloning.solid_moments import make_isotropic, solid_moments
 from mbstudio.core.cloning.surface_style import SurfaceStyle
 from mbstudio.core.errors import CloningError
 from mbstudio.core.options import OptionRecord, option
 
-_PROPOSALS = 512
-_BLOCKS = 8
-_NEARLY_ALIGNED = 0.25
-"""Share of the proposed turns that leave the long axis about where it is: others suit long grains rarely."""
-_ALIGNED_SPREAD = 0.35  # radians
-_WARP_TRIES = 40
-_SHELLS = (1.0, 0.6, 0.3)
 _BALL_VOLUME = np.pi / 6.0
 
 
@@ -35,13 +28,13 @@ class CloneOptions(OptionRecord, owner="clones", error=CloningError):
     """How far clones go from their parents."""
 
     stretch: float = option(
-        1.2,
+        1.25,
         "By how much a parent may be stretched or squeezed along an axis to take on another form.",
         minimum=1.0,
         maximum=3.0,
     )
     warping: float = option(
-        0.3, "Strength of the smooth warp; 1 is as grains of this kind differ.", minimum=0.0, maximum=1.5
+        0.2, "Strength of the smooth warp; 1 is as grains of this kind differ.", minimum=0.0, maximum=1.5
     )
     local_stretch: float = option(
         1.5,
@@ -81,29 +74,6 @@ class Surface(NamedTuple):
 
     vertices: Float64[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
-
-
-def draw_recipe(
-    style: SurfaceStyle, rng: np.random.Generator, options: CloneOptions | None = None
-) -> CloneRecipe:
-    """Return the recipe of a new grain: form and size as the parents' are spread, the rest by chance.
-
-    Raises
-    ------
-    CloningError
-        If no warp of this strength leaves every parent unfolded.
-    """
-    options = options or CloneOptions()
-    form, diameter = style.draw_form_and_size(rng)
-    parent, turn = _choose_turn(style, form, options.stretch, rng)
-    vertices = style.parents[parent].vertices
-    for _ in range(_WARP_TRIES):
-        shares = options.warping * style.draw_warp(rng)
-        if _is_gentle(vertices, style.warp(shares), options.local_stretch):
-            return CloneRecipe(parent, form, turn, shares, diameter)
-    raise CloningError(
-        f"Warps of strength {options.warping:g} fold {style.parents[parent].name}: ask for less warping."
-    )
 
 
 class CloneMap:
@@ -157,52 +127,3 @@ def stretches(style: SurfaceStyle, recipe: CloneRecipe) -> Float64[np.ndarray, "
     matrix = np.exp(recipe.form)[:, None] * recipe.turn / np.exp(forms)
     values: np.ndarray = np.linalg.svd(matrix, compute_uv=False)
     return values
-
-
-def _choose_turn(
-    style: SurfaceStyle, form: Float[np.ndarray, " 3"], stretch: float, rng: np.random.Generator
-) -> tuple[int, Float64[np.ndarray, "3 3"]]:
-    """Return a parent and how it is laid into a form, by chance among those within the stretch allowed.
-
-    Where none is, that which is stretched least: forms at the edge of what parents have are rare.
-    """
-    shrunk = np.exp(-style.forms)
-    best: tuple[float, int, np.ndarray] | None = None
-    for _ in range(_BLOCKS):
-        parents = rng.integers(len(style.parents), size=_PROPOSALS)
-        turns = _propose_turns(rng)
-        matrices = np.exp(form)[:, None] * turns * shrunk[parents][:, None, :]
-        values = np.linalg.svd(matrices, compute_uv=False)
-        needed = np.maximum(values[:, 0], 1.0 / values[:, 2])
-        admitted = np.flatnonzero(needed <= stretch)
-        row = int(admitted[0]) if len(admitted) else int(needed.argmin())
-        if best is None or needed[row] < best[0]:
-            best = (float(needed[row]), int(parents[row]), turns[row])
-        if len(admitted):
-            break
-    assert best is not None
-    return best[1], best[2]
-
-
-def _propose_turns(rng: np.random.Generator) -> Float64[np.ndarray, "proposals 3 3"]:
-    """Return turns: most of them any, some near those that keep the axes; half of them mirrored."""
-    from scipy.spatial.transform import Rotation
-
-    aligned = int(_NEARLY_ALIGNED * _PROPOSALS)
-    small = Rotation.from_rotvec(_ALIGNED_SPREAD * rng.standard_normal((aligned, 3))).as_matrix()
-    small = small * FLIPS[rng.integers(len(FLIPS), size=aligned)][:, None, :]
-    quaternions = rng.standard_normal((_PROPOSALS - aligned, 4))
-    free = Rotation.from_quat(quaternions).as_matrix()
-    free = free * rng.choice([-1.0, 1.0], size=len(free))[:, None, None]
-    turns: np.ndarray = np.concatenate([small, free])[rng.permutation(_PROPOSALS)]
-    return turns
-
-
-def _is_gentle(vertices: np.ndarray, coefficients: np.ndarray, most: float) -> bool:
-    """Return whether a warp folds nothing within a body and stretches nowhere by more than `most`."""
-    sampled = np.concatenate([shell * vertices[:: max(1, len(vertices) // 800)] for shell in _SHELLS])
-    slopes = gradient(sampled, coefficients)
-    if np.linalg.det(slopes).min() <= 0:
-        return False
-    values = np.linalg.svd(slopes, compute_uv=False)
-    return bool(values[:, 0].max() <= most and values[:, 2].min() >= 1.0 / most)

@@ -11,7 +11,8 @@ from jaxtyping import Int
 
 from mbstudio.core.batch.messages import Arrays, Head, Message, Report
 from mbstudio.core.batch.pool import Job, WorkerPool
-from mbstudio.core.cloning.clone_maker import CloneMap, CloneOptions, CloneRecipe, Surface, draw_recipe
+from mbstudio.core.cloning.clone_maker import CloneMap, CloneOptions, CloneRecipe, Surface
+from mbstudio.core.cloning.recipe_drawing import draw_recipes
 from mbstudio.core.cloning.surface_avatar import SurfaceAvatar
 from mbstudio.core.cloning.surface_avatars import carry_avatar, fit_surface
 from mbstudio.core.cloning.surface_style import SurfaceStyle
@@ -194,10 +195,8 @@ class _Run:
         self.recipes: list[CloneRecipe] = []
 
     def draw(self, count: int) -> None:
-        """Draw until there are so many; each has chance of its own."""
-        for number in range(len(self.recipes), count):
-            rng = np.random.default_rng([self._seed, number])
-            self.recipes.append(draw_recipe(self.style, rng, self.options))
+        """Draw until there are so many."""
+        self.recipes = draw_recipes(self.style, count, self._seed, self.options)
 
     def _make(self, row: int) -> SurfaceClone:
         recipe = self.recipes[row]

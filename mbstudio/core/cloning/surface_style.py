@@ -89,15 +89,19 @@ class SurfaceStyle:
         """Logarithms of the nominal diameters, in `unit`."""
         return np.log([parent.diameter for parent in self.parents])
 
-    def draw_form_and_size(self, rng: np.random.Generator) -> tuple[Float64[np.ndarray, " 3"], float]:
+    def draw_form_and_size(
+        self, rng: np.random.Generator, giver: int | None = None
+    ) -> tuple[Float64[np.ndarray, " 3"], float]:
         """Return the form (logarithms of semi-axes) and diameter of one grain, as the parents' are spread.
+
+        Those of the parent in row `giver`, or of any, a little blurred.
 
         A smoothed bootstrap that keeps mean and covariance of form and size together (Silverman 1986, section
         6.4): the deviation of a parent from the mean, shrunk, and normal noise of the parents' covariance.
         """
         known = np.column_stack([self.forms[:, :2], self.log_diameters])
         mean = known.mean(axis=0)
-        drawn = known[rng.integers(len(known))] - mean
+        drawn = known[rng.integers(len(known)) if giver is None else giver] - mean
         variances, directions = np.linalg.eigh(np.cov(known.T))
         noise = directions @ (np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(3))
         drawn = mean + np.sqrt(1 - _SMOOTHING**2) * drawn + _SMOOTHING * noise

@@ -1,10 +1,13 @@
-"""``mbstudio generate`` with a style of surfaces: PLY files, metaballs, factors, and what each is made of."""
+"""``mbstudio learn --preset surfaces``, and ``generate`` with what it wrote: clones from parents' surfaces."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mbstudio.cli import console
 from mbstudio.cli.going_on import keeping_results
@@ -18,11 +21,69 @@ FACTORS_TABLE = "factors.csv"
 CLONES_TABLE = "clones.csv"
 
 
+def learn_surface_style(
+    read: Callable[[], tuple[list[Any], list[str]]], title: str, folder: Path, n: int | None, seed: int,
+    unit: str | None, processes: int, *, as_json: bool,
+) -> None:  # fmt: skip
+    """Learn a style of surfaces, save it into a folder and say what it is.
+
+    Parameters
+    ----------
+    read : callable
+        Returns bodies (grains, avatars or meshes) and their names.
+    title : str
+        What the parents are called.
+    folder : Path
+    n : int or None
+        Control points of each avatar; None: by the residual of few.
+    seed : int
+    unit : str or None
+        Of meshes that carry none.
+    processes : int
+    as_json : bool
+    """
+    from mbstudio.core.cloning.parent_avatars import fit_parents
+    from mbstudio.core.cloning.surface_style import learn_surfaces
+    from mbstudio.core.cloning.surface_style_file import save_surface_style
+    from mbstudio.core.metaball.avatar import Avatar
+
+    begun = time.monotonic()
+    bodies, names = read()
+    solid = [_mesh_of(body) if isinstance(body, Avatar) else body for body in bodies]
+    with console.progress("Registering") as report:
+        style = learn_surfaces(solid, names, unit=unit, seed=seed, progress=report)
+    with console.progress("Fitting avatars") as report:
+        style = fit_parents(style, n, processes=processes, progress=report)
+    save_surface_style(style, folder)
+    errors = np.array([entry.rms for entry in style.avatars])
+    summary = {
+        "style": str(folder),
+        "preset": "surfaces",
+        "parents": len(style.parents),
+        "control_points": len(style.avatars[0].avatar.weights),
+        "warps": len(style.modes),
+        "avatars_rms_percent_of_dn": 100 * float(errors.mean()),
+        "invalid_avatars": int(sum(not entry.valid for entry in style.avatars)),
+        "seconds": round(time.monotonic() - begun, 1),
+    }
+    if as_json:
+        console.print_json(summary)
+    else:
+        console.print_facts(f"Style of {title}", summary)
+
+
+def _mesh_of(avatar: Any) -> Any:
+    mesh = avatar.mesh(cells=64)
+    mesh.units = avatar.unit
+    return mesh
+
+
 def generate_surface_clones(
-    style_folder: Path, folder: Path, count: int, seed: int, where: list[str], unit: str | None,
-    processes: int, *, overwrite: bool, as_json: bool,
+    style_folder: Path, folder: Path, count: int, seed: int, where: list[str],
+    strengths: dict[str, float], unit: str | None, processes: int, *, overwrite: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Generate clones of a style of surfaces, write them into a folder and say how they came about."""
+    from mbstudio.core.cloning.clone_maker import CloneOptions
     from mbstudio.core.cloning.surface_generation import generate_surfaces
     from mbstudio.core.cloning.surface_style_file import load_surface_style
     from mbstudio.core.dem.folder import check_replaceable
@@ -30,13 +91,16 @@ def generate_surface_clones(
     from mbstudio.core.errors import GenerationError
 
     begun = time.monotonic()
+    options = CloneOptions.make(strengths)
     if folder.resolve() == style_folder.resolve():
         raise GenerationError(f"{folder} is the folder of the style: choose another folder for the clones.")
     check_replaceable(folder, files_of_earlier_export, overwrite)
     style = load_surface_style(style_folder)
     with keeping_results(folder):
         with console.progress("Generating") as tell:
-            found = generate_surfaces(style, count, seed, targets=where, processes=processes, progress=tell)
+            found = generate_surfaces(
+                style, count, seed, options=options, targets=where, processes=processes, progress=tell
+            )
         _write(found, folder, unit, overwrite)
     summary: dict[str, Any] = {
         "clones": len(found),
