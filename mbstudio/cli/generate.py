@@ -41,9 +41,7 @@ WarpingOption = Annotated[
 ]
 ReportOption = Annotated[
     Path | None,
-    typer.Option(
-        "--report", metavar="FILE", help="Write a comparison of parents and clones as an HTML file."
-    ),
+    typer.Option("--report", metavar="FILE", help="Write a comparison of parents and clones as HTML."),
 ]
 
 

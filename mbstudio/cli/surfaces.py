@@ -1,4 +1,4 @@
-"""``mbstudio learn --preset surfaces``, and ``generate`` with what it wrote: clones from parents' surfaces."""
+"""``mbstudio learn --preset surfaces``, and ``generate`` with what it wrote."""
 
 from __future__ import annotations
 
