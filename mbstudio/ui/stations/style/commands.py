@@ -8,6 +8,7 @@ from functools import partial
 from mbstudio.ui.commands import Command
 from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.style.clone_work import CloneWork
+from mbstudio.ui.stations.style.judge_work import JudgeWork
 from mbstudio.ui.stations.style.link import StyleLink
 from mbstudio.ui.stations.style.panel import StylePanel
 from mbstudio.ui.stations.style.work import StyleWork
@@ -15,10 +16,43 @@ from mbstudio.ui.studio import Studio
 
 
 def style_commands(
-    studio: Studio, work: StyleWork, clone_work: CloneWork, panel: StylePanel, link: StyleLink
+    studio: Studio,
+    work: StyleWork,
+    clone_work: CloneWork,
+    judge_work: JudgeWork,
+    panel: StylePanel,
+    link: StyleLink,
 ) -> list[Command]:
     """Return the commands of station Style."""
-    return [*_learn(studio, work, panel, link), *_generate(studio, clone_work, panel, link)]
+    return [
+        *_learn(studio, work, panel, link),
+        *_generate(studio, clone_work, panel, link),
+        *_judge(judge_work, link),
+    ]
+
+
+def _judge(work: JudgeWork, link: StyleLink) -> list[Command]:
+    return [
+        Command(
+            id="style.judge",
+            title=tr("Judge clones"),
+            run=link.judge_clones,
+            menu="Style",
+            icon="ph.scales",
+            tip=tr("Find whether the clones can be told from the true grains"),
+            enabled=lambda: work.can_judge,
+            separated=True,
+        ),
+        Command(
+            id="style.cancel_judging",
+            title=tr("Cancel judging"),
+            run=work.run.cancel,
+            menu="Style",
+            icon="ph.x-circle",
+            tip=tr("Cancel the judgement of the clones"),
+            enabled=lambda: work.run.is_running,
+        ),
+    ]
 
 
 def _learn_or_show(studio: Studio, panel: StylePanel) -> None:

@@ -1,4 +1,4 @@
-"""What comes of a style: curves of the training, the clones with their factors, their quality."""
+"""What comes of a style: curves of the training, the clones with their factors, their quality, the judge."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 from mbstudio.core.populations import Population
 from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.style.judge_table import JudgeTable
 from mbstudio.ui.stations.style.quality_table import QualityTable
 from mbstudio.ui.stations.style.training_plots import TrainingPlots
 from mbstudio.ui.theme import Theme
@@ -100,7 +101,7 @@ class CloneTable(QTableWidget):
 
 
 class StyleDock(QFrame):
-    """Three pages: training, clones, quality."""
+    """Four pages: training, clones, quality, judge."""
 
     def __init__(self, theme: Theme) -> None:
         super().__init__()
@@ -109,6 +110,7 @@ class StyleDock(QFrame):
         self.training = TrainingPlots(theme)
         self.clones = CloneTable()
         self.quality = QualityTable(theme)
+        self.judge = JudgeTable(theme)
         self.tabs = QTabBar()
         self.tabs.setExpanding(False)
         self.tabs.setDrawBase(False)
@@ -116,6 +118,7 @@ class StyleDock(QFrame):
         self._stack = QStackedWidget()
         for title, page in (
             (tr("Training"), self.training), (tr("Clones"), self.clones), (tr("Quality"), self.quality),
+            (tr("Judge"), self.judge),
         ):  # fmt: skip
             self.tabs.addTab(title)
             self._stack.addWidget(page)
@@ -127,8 +130,8 @@ class StyleDock(QFrame):
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
 
     def open_page(self, name: str) -> None:
-        """Turn to 'training', 'clones' or 'quality'."""
-        self.tabs.setCurrentIndex(("training", "clones", "quality").index(name))
+        """Turn to 'training', 'clones', 'quality' or 'judge'."""
+        self.tabs.setCurrentIndex(("training", "clones", "quality", "judge").index(name))
 
 
 class _Number(QTableWidgetItem):

@@ -13,6 +13,7 @@ from mbstudio.ui.deferred_calls import DeferredCalls
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.dock import StyleDock
+from mbstudio.ui.stations.style.judge_work import JudgeWork
 from mbstudio.ui.stations.style.panel import StylePanel
 from mbstudio.ui.stations.style.work import StyleWork
 from mbstudio.ui.studio import Studio
@@ -31,6 +32,7 @@ class StyleLink(QObject):
     view : SceneView
     work : StyleWork
     clone_work : CloneWork
+    judge_work : JudgeWork
     panel : StylePanel
     dock : StyleDock
     """
@@ -41,13 +43,14 @@ class StyleLink(QObject):
         view: SceneView,
         work: StyleWork,
         clone_work: CloneWork,
+        judge_work: JudgeWork,
         panel: StylePanel,
         dock: StyleDock,
     ) -> None:
         super().__init__(studio)
         self._studio, self._view, self._deferred = studio, view, DeferredCalls(self)
         self._space, self._work, self._clone_work = studio.workspace, work, clone_work
-        self._panel, self._dock = panel, dock
+        self._panel, self._dock, self._judge_work = panel, dock, judge_work
         self._laid_out: tuple[object, int, str] | None = None
         self._assessed: object = None
         self._panel.learn.folder_asked.connect(self.ask_meshes)
@@ -56,6 +59,7 @@ class StyleLink(QObject):
         self._dock.clones.chosen.connect(self._space.select_clone)
         self._space.clone_changed.connect(self._selected)
         self._clone_work.changed.connect(self._show_quality)
+        self._judge_work.changed.connect(self._show_judgement)
         self._space.clones_changed.connect(self._clones_changed)
         self._space.style_changed.connect(self._show_quality)
         for signal in (self._space.grains_changed, self._space.scan_changed):
@@ -64,6 +68,7 @@ class StyleLink(QObject):
         studio.viewport.clicked.connect(self._clicked)
         studio.viewport.installEventFilter(self)
         self._clones_changed()
+        self._show_judgement()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Resize:
@@ -108,6 +113,29 @@ class StyleLink(QObject):
         else:
             self._dock.quality.say(tr("The clones have not been compared with their parents yet."))
         self._assessed = assessed
+
+    def judge_clones(self) -> None:
+        """Judge the clones, and show what is found."""
+        self._studio.enter("style")
+        self._dock.open_page("judge")
+        self._judge_work.judge()
+
+    def _show_judgement(self) -> None:
+        work, table = self._judge_work, self._dock.judge
+        if work.judgement is not None:
+            table.show_judgement(work.judgement)
+        elif work.run.is_running:
+            table.say(tr("The clones are being judged against the true grains …"), is_running=True)
+        elif work.refusal:
+            table.say(work.refusal)
+        elif self._space.clones is None:
+            table.say(tr("Generate clones to see here whether they can be told from true grains."))
+        elif self._space.state.grains is None:
+            table.say(tr("Clones are judged against true grains. The project has none: use mbstudio judge."))
+        else:
+            table.say(
+                tr("Can the clones be told from the true grains, by features that no generator selects on?")
+            )
 
     def _selected(self) -> None:
         chosen = self._space.clone

@@ -93,6 +93,15 @@ class QualityTable(QFrame):
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         self.words = label("", "hint", wrap=True)
         self.words.setContentsMargins(14, 6, 14, 6)
+        self.selected_on = label(
+            tr(
+                "Against the serialized parents, by the factors that the generator selects on. Whether clones "
+                "can be told from true grains stands on page Judge."
+            ),
+            "hint",
+            wrap=True,
+        )
+        self.selected_on.setContentsMargins(14, 6, 14, 4)
         self._facts = {title: label("", "hint") for title, _ in _FACTS}
         line = QHBoxLayout()
         line.setContentsMargins(14, 4, 14, 5)
@@ -105,6 +114,7 @@ class QualityTable(QFrame):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
         layout.addWidget(self.words)
+        layout.addWidget(self.selected_on)
         layout.addWidget(self.table, 1)
         layout.addLayout(line)
         theme.changed.connect(self._fill)
@@ -135,6 +145,7 @@ class QualityTable(QFrame):
     def _fill(self) -> None:
         there = self._shown is not None
         self.words.setVisible(not there)
+        self.selected_on.setVisible(there)
         self.table.setVisible(there)
         for fact in self._facts.values():
             fact.setVisible(there)

@@ -10,6 +10,7 @@ from mbstudio.ui.stations.station import HalfDone, Station
 from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.commands import style_commands
 from mbstudio.ui.stations.style.dock import StyleDock
+from mbstudio.ui.stations.style.judge_work import JudgeWork
 from mbstudio.ui.stations.style.link import StyleLink
 from mbstudio.ui.stations.style.panel import StylePanel
 from mbstudio.ui.stations.style.work import StyleWork
@@ -41,16 +42,19 @@ class StyleStation(Station):
         super().__init__(studio, view)
         self.work = StyleWork(studio.workspace, studio.queue, self)
         self.clone_work = CloneWork(studio.workspace, studio.queue, self)
+        self.judge_work = JudgeWork(studio.workspace, studio.queue, self)
         self.panel: StylePanel = StylePanel(studio.workspace, self.work, self.clone_work)
         self.dock = StyleDock(studio.theme)
         self.display = StyleDisplay(studio.workspace, compares=True)
         self.frame = DockFrame("style", tr("Style"), self.dock, "bottom", studio.icons, height=282)
         self.docks = (self.frame,)
-        self.link = StyleLink(studio, view, self.work, self.clone_work, self.panel, self.dock)
+        self.link = StyleLink(
+            studio, view, self.work, self.clone_work, self.judge_work, self.panel, self.dock
+        )
 
     def commands(self) -> list[Command]:
         return [
-            *style_commands(self.studio, self.work, self.clone_work, self.panel, self.link),
+            *style_commands(self.studio, self.work, self.clone_work, self.judge_work, self.panel, self.link),
             self.frame.command(
                 tr("Curves and clones"),
                 tr("Show or hide curves, clones and quality at station Style"),
@@ -60,10 +64,11 @@ class StyleStation(Station):
         ]
 
     def wire(self) -> None:
-        self.relay_messages(self.work, self.clone_work)
+        self.relay_messages(self.work, self.clone_work, self.judge_work)
         self.work.arrived.connect(self.arrived)
         self.work.changed.connect(self.studio.refresh)
         self.clone_work.changed.connect(self.studio.refresh)
+        self.judge_work.changed.connect(self.studio.refresh)
         learn, generate = self.panel.learn, self.panel.generate
         learn.readiness_changed.connect(self.studio.commands.refresh)
         for button, command in (
@@ -79,6 +84,8 @@ class StyleStation(Station):
             (generate.report_button, "style.report"),
             (generate.populations_button, "style.compare"),
             (generate.export_button, "style.export"),
+            (self.dock.judge.judge_button, "style.judge"),
+            (self.dock.judge.cancel_button, "style.cancel_judging"),
         ):
             self.studio.commands.bind(button, command)
 

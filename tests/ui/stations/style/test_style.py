@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 
+from mbstudio.core.grains.mesh_set import grain_set_from_meshes
+from mbstudio.core.judging import comparing
+from mbstudio.core.project import Project
+from mbstudio.core.project.state import ProjectState
 from mbstudio.core.vae.generate import generator
 from mbstudio.core.vae.models.training import learn
 from mbstudio.scene.reports import generation_report
 from mbstudio.ui.stations.style import work as style_work
 from mbstudio.ui.stations.style.work import _Serialized
+from tests.core.judging.bodies import rough_grain
 from tests.core.vae.boxes import boxes
 from tests.ui.conftest import PATIENCE
 
@@ -294,3 +299,39 @@ def test_a_style_that_is_there_is_not_lost_for_one_that_is_learned(
     assert window.shell.autosaves.state_to_keep().style is learner
     window.stations.style.work.run.cancel()
     idle()
+
+
+def test_clones_are_judged_against_the_grains(window, idle, monkeypatch, tmp_path, learner):
+    fewer = tuple((word, scorer, 1, 2) for word, scorer, _, _ in comparing._CLASSIFIERS)
+    monkeypatch.setattr(comparing, "_CLASSIFIERS", fewer)
+    for seed in range(10):
+        rough_grain(np.random.default_rng(seed), level=3).export(tmp_path / f"g{seed}.stl")
+    grains = grain_set_from_meshes(tmp_path, 40, "mm")
+    window.workspace.replace_project(Project(ProjectState(grains=grains)))
+    idle()
+    table = window.stations.style.dock.judge
+    assert "Generate clones" in table.words.text()
+    assert not table.judge_button.isEnabled()
+    window.workspace.use_style(learner)
+    window.workspace.use_clones(generator.generate(learner, 10), "Generate")
+    idle()
+    assert table.judge_button.isEnabled()
+    assert window.commands.run("style.judge")
+    assert "being judged" in table.words.text()
+    idle()
+    found = window.stations.style.judge_work.judgement
+    assert found.numbers == (10, 10), window.messages.text
+    area = found.comparisons[0]["form"].forest
+    cells = [table.table.item(row, 0).text() for row in range(table.table.rowCount())]
+    assert cells[0] == "all"
+    assert table.table.item(cells.index("form"), 3).text() == f"{area.value:.2f} ± {area.error:.2f}"
+    assert "10 true grains" in table.words.text()
+    assert not table.judge_button.isVisible()
+    assert "selects on" in window.stations.style.dock.quality.selected_on.text()
+    # Other clones have not been judged; too few are refused, where it was asked for.
+    window.workspace.use_clones(generator.generate(learner, 3), "Generate")
+    idle()
+    assert window.stations.style.judge_work.judgement is None
+    assert window.commands.run("style.judge")
+    idle()
+    assert "not 10 and 3" in table.words.text()
