@@ -95,8 +95,8 @@ class QualityTable(QFrame):
         self.words.setContentsMargins(14, 6, 14, 6)
         self.selected_on = label(
             tr(
-                "Against the serialized parents, by the factors that the generator selects on. Whether clones "
-                "can be told from true grains stands on page Judge."
+                "Against the serialized parents, by the factors that the generator selects on. Whether "
+                "clones can be told from true grains stands on page Judge."
             ),
             "hint",
             wrap=True,
