@@ -10,15 +10,17 @@ import typer
 
 from mbstudio.cli import console, inputs
 from mbstudio.cli.going_on import keeping_results
-from mbstudio.cli.intervals import add_intervals, print_intervals, with_intervals
 from mbstudio.cli.measuring import (
     Row,
+    add_intervals,
     failures_of,
     measure_grains,
+    print_intervals,
     require_parquet,
     rows_of,
     summarise,
     table_of,
+    with_intervals,
     write_csv,
     write_parquet,
 )
