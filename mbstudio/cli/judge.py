@@ -12,6 +12,7 @@ import typer
 
 from mbstudio.cli import console, inputs
 from mbstudio.cli.measure import require_table_output
+from mbstudio.cli.surfaces import CLONES_TABLE, surfaces_of_clones
 from mbstudio.core.errors import MbstudioError
 
 if TYPE_CHECKING:
@@ -28,7 +29,8 @@ HELP = """Judge whether clones can be told from true grains, by features that no
 
 Clones, true grains and fits are meshes, folders of them, a project, or a folder that 'mbstudio generate'
 or 'mbstudio export --to metaball' wrote. Of a project --against takes the grains, all others the avatars.
-Fits belong to the grain of the same name.
+Fits belong to the grain of the same name. Of clones from surfaces the surfaces are judged, with the metaballs as
+their fits and clones.csv as the table of their parents.
 """
 _NAME, _PARENT = "name", "parent"
 
@@ -72,7 +74,13 @@ def judge(
     begun = time.monotonic()
     for path in (output, csv_file, drift_file):
         require_table_output(path, clones[0])
-    true, made = _named_bodies(against, grains=True), _named_bodies(clones)
+    true = _named_bodies(against, grains=True)
+    surfaces = surfaces_of_clones(clones[0]) if len(clones) == 1 else None
+    if surfaces is None:
+        made = _named_bodies(clones)
+    else:
+        made = _named_bodies(surfaces)
+        clone_fits, parents = clone_fits or clones[0], parents or clones[0] / CLONES_TABLE
     groups = None if parents is None else _parents_of(parents, list(made))
     fitted = None if fits is None else _named_bodies([fits])
     remade = None if clone_fits is None else _named_bodies([clone_fits])

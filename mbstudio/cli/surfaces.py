@@ -122,6 +122,19 @@ def generate_surface_clones(
         )
 
 
+def surfaces_of_clones(folder: Path) -> list[Path] | None:
+    """Return the surfaces of record of a folder of such clones; None of any other."""
+    from mbstudio.core.dem.manifest import FILE_NAME, read_manifest
+
+    if not (folder / FILE_NAME).is_file():
+        return None
+    manifest = read_manifest(folder)
+    found = [f"{item['name']}.ply" for item in manifest["items"]]
+    if CLONES_TABLE not in manifest["files"] or not set(found) <= set(manifest["files"]):
+        return None
+    return [folder / name for name in found]
+
+
 def _rms(found: SurfaceGeneration) -> pd.Series:
     return clones_table(found)["avatar_rms"]
 

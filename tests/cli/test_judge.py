@@ -124,3 +124,26 @@ def test_grains_and_avatars_of_a_project_are_read(fitted_project):
     assert list(grains) == list(avatars)
     assert len(grains) == 3
     assert all(isinstance(body, Avatar) for body in avatars.values())
+
+
+def test_of_clones_from_surfaces_the_surfaces_are_judged(mbstudio, folders, tmp_path):
+    """And not the metaballs beside them, which are their fits; their parents stand in the table beside them."""
+    style, clones = tmp_path / "style", tmp_path / "clones"
+    ran = mbstudio(
+        "learn", folders / "true", "--unit", "mm", "--preset", "surfaces", "-n", 8, "-o", style, "--workers", 1
+    )  # fmt: skip
+    assert ran.code == 0, ran.err
+    assert mbstudio("generate", style, "--count", 12, "-o", clones, "--workers", 1).code == 0
+    ran = mbstudio("judge", clones, "--against", folders / "true", "--json", "--workers", 0)
+    assert ran.code == 0, ran.err
+    told = json.loads(ran.out)
+    names = [comparison["name"] for comparison in told["comparisons"]]
+    assert "true against fits of clones" in names
+    assert np.isfinite(told["likeness"]["source_correlation"])
+    curved = [
+        next(row for row in comparison["results"] if row["features"] == "curvature")
+        for comparison in told["comparisons"]
+        if comparison["name"] in ("true against clones", "true against fits of clones")
+    ]
+    # Eight control points make no faces: they are told apart, the surfaces less so.
+    assert curved[0]["logistic"]["value"] < curved[1]["logistic"]["value"]
