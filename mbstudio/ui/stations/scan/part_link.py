@@ -68,3 +68,4 @@ class PartLink(QObject):
                 tr("Drag the edges and corners of the box in the slices.") if shown else ""
             )
         self._studio.refresh()
+        self._studio.commands.bring_up_to_date()  # the buttons of the form follow the box at once
