@@ -29,8 +29,8 @@ HELP = """Judge whether clones can be told from true grains, by features that no
 
 Clones, true grains and fits are meshes, folders of them, a project, or a folder that 'mbstudio generate'
 or 'mbstudio export --to metaball' wrote. Of a project --against takes the grains, all others the avatars.
-Fits belong to the grain of the same name. Of clones from surfaces the surfaces are judged, with the metaballs as
-their fits and clones.csv as the table of their parents.
+Fits belong to the grain of the same name. Of clones from surfaces the surfaces are judged, with the metaballs
+as their fits and clones.csv as the table of their parents.
 """
 _NAME, _PARENT = "name", "parent"
 

@@ -127,11 +127,10 @@ def test_grains_and_avatars_of_a_project_are_read(fitted_project):
 
 
 def test_of_clones_from_surfaces_the_surfaces_are_judged(mbstudio, folders, tmp_path):
-    """And not the metaballs beside them, which are their fits; their parents stand in the table beside them."""
+    """And not the metaballs beside them, which are their fits."""
     style, clones = tmp_path / "style", tmp_path / "clones"
-    ran = mbstudio(
-        "learn", folders / "true", "--unit", "mm", "--preset", "surfaces", "-n", 8, "-o", style, "--workers", 1
-    )  # fmt: skip
+    preset = ("--preset", "surfaces", "-n", 8)
+    ran = mbstudio("learn", folders / "true", "--unit", "mm", *preset, "-o", style, "--workers", 1)
     assert ran.code == 0, ran.err
     assert mbstudio("generate", style, "--count", 12, "-o", clones, "--workers", 1).code == 0
     ran = mbstudio("judge", clones, "--against", folders / "true", "--json", "--workers", 0)
