@@ -109,6 +109,10 @@ class ConvergenceCurve(Plot):
         self.addItem(self._head)
         self._changes: list[_ChangeLine] = []
         self._words = pg.TextItem(anchor=(0.5, 0.5))
+        document = self._words.textItem.document()
+        option = document.defaultTextOption()
+        option.setAlignment(Qt.AlignmentFlag.AlignHCenter)
+        document.setDefaultTextOption(option)
         self.addItem(self._words, ignoreBounds=True)
         self.getViewBox().sigResized.connect(self._place_words)
         self.getViewBox().sigRangeChanged.connect(self._place_words)
@@ -182,6 +186,8 @@ class ConvergenceCurve(Plot):
         self._place_words()
 
     def _place_words(self, *_: object) -> None:
+        # In a narrow plot the words take several lines.
+        self._words.setTextWidth(max(40.0, self.getViewBox().width() - 12.0))
         self._words.setPos(self.getViewBox().viewRect().center())
 
 
