@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mbstudio.cli import console
 from mbstudio.cli.going_on import keeping_results
 
@@ -55,14 +53,14 @@ def learn_surface_style(
     with console.progress("Fitting avatars") as report:
         style = fit_parents(style, n, processes=processes, progress=report)
     save_surface_style(style, folder)
-    errors = np.array([entry.rms for entry in style.avatars])
+    errors = [entry.rms for entry in style.avatars]
     summary = {
         "style": str(folder),
         "preset": "surfaces",
         "parents": len(style.parents),
         "control_points": len(style.avatars[0].avatar.weights),
         "warps": len(style.modes),
-        "avatars_rms_percent_of_dn": 100 * float(errors.mean()),
+        "avatars_rms_percent_of_dn": 100 * sum(errors) / len(errors),
         "invalid_avatars": int(sum(not entry.valid for entry in style.avatars)),
         "seconds": round(time.monotonic() - begun, 1),
     }

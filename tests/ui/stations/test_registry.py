@@ -140,6 +140,7 @@ def test_undo_is_the_stations_where_it_has_a_history_else_the_projects(sieving):
     assert not station.own.shaken
     assert window.workspace.state.grains is not None, "the project is not touched"
     window.refresh()
+    window.commands.bring_up_to_date()
     assert not action.isEnabled()
     assert window.commands.action("edit.redo").text() == "Redo: Shake"
     assert window.commands.run("edit.redo")

@@ -187,6 +187,8 @@ def test_the_panes_can_be_put_away_and_stay_away(scanned, panes):
     assert window.commands.run("panel.slices")
     assert window.docks["slices"].isVisible()
     window.enter("fit")
+    assert window.docks["slices"].isVisible()
+    window.enter("populations")
     assert window.docks["slices"].isHidden()
 
 
