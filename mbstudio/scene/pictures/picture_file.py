@@ -19,7 +19,10 @@ def write_picture(path: Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
         If the ending is none of a picture's, the folder cannot be written, or the disk is full.
     """
     import imageio.v3 as imageio
+    from PIL import Image
 
+    if path.suffix.lower() not in Image.registered_extensions():
+        raise OSError(f"{path} has the ending of no picture: use .png, .jpg, .tif or .bmp")
     # Not into the file: most formats' writers do not tell that a disk is full.
     content = imageio.imwrite("<bytes>", image, extension=path.suffix)
     assert isinstance(content, bytes)
