@@ -161,7 +161,9 @@ def _write(found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: 
     from mbstudio.core.units import conversion_factor
 
     names = [clone.name for clone in found.clones]
-    table = found.factors.table().drop(columns=["warning", "not_measured"])
+    table = found.factors.table()
+    # A clone without factors keeps the reason beside its row.
+    table = table.drop(columns=[name for name in ("warning", "not_measured") if not any(table[name])])
     table.insert(1, "name", names)
     files: dict[str, str | bytes] = {
         FACTORS_TABLE: table.to_csv(index=False, lineterminator="\r\n"),

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
 from mbstudio.core.judging.features import FEATURE_SETS, FEATURES, Features
-from mbstudio.core.judging.folds import FOLDS, Scorer, area, area_error, held_out_wins
+from mbstudio.core.judging.folds import FOLDS, Scorer, area, area_error, held_out_wins, number_groups
 from mbstudio.core.judging.forest import score_by_forest
 from mbstudio.core.judging.judgement import ONE_SIDED, Area, Comparison, SetResult
 from mbstudio.core.judging.logistic import score_by_logistic
@@ -153,7 +153,7 @@ def _area_of(
 ) -> tuple[Area, Null]:  # fmt: skip
     values = np.concatenate([first.values, second.values])[:, columns]
     kinds = np.repeat([True, False], [len(first), len(second)])
-    groups = _numbers((*first.groups, *second.groups))
+    groups = number_groups((*first.groups, *second.groups))
     wins, meetings = held_out_wins(values, kinds, groups, scorer, repeats, rng)
     drawn = area_error(wins, meetings, groups[kinds], groups[~kinds], rng)
     value, chance = area(wins, meetings), float("nan")
@@ -177,7 +177,7 @@ def _permuted(
     squares, errors = [], []
     for _ in range(permutations):
         rows, permuted = permute_kinds(kinds, groups, rng)
-        own = _numbers(tuple(groups[rows].tolist()))
+        own = number_groups(tuple(groups[rows].tolist()))
         wins, meetings = held_out_wins(values[rows], permuted, own, scorer, _SPLITS_OF_PERMUTATION, rng)
         squares.append((area(wins, meetings) - 0.5) ** 2)
         errors.append(area_error(wins, meetings, own[permuted], own[~permuted], rng, 100) ** 2)
@@ -204,9 +204,3 @@ def permute_kinds(
     permuted[is_mixed] ^= turned[own[is_mixed]]
     permuted[~is_mixed] = rng.permutation(permuted[~is_mixed])
     return rows, permuted
-
-
-def _numbers(groups: Sequence[Hashable]) -> Int[np.ndarray, " n"]:
-    """Return the number of each group, in the order of their first bodies."""
-    known: dict[Hashable, int] = {}
-    return np.array([known.setdefault(group, len(known)) for group in groups], dtype=np.int64)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from mbstudio.core.judging.features import FEATURES, Features
+from mbstudio.core.judging.folds import number_groups
 from mbstudio.core.judging.judgement import Drift
 
 _SAMPLES = 1000
@@ -24,11 +25,11 @@ def find_drifts(
     """Return the drift of each feature, NaN where fewer than two bodies of either kind have it."""
     rng = np.random.default_rng([seed, 0xD0])
     ours, theirs = (np.array([body.values for body in bodies]) for bodies in (clones, true))
-    groups = _numbers((*true_groups, *clone_groups))
+    groups = number_groups((*true_groups, *clone_groups))
     true_numbers, clone_numbers = groups[: len(true)], groups[len(true) :]
     drawn = rng.integers(groups.max() + 1, size=(_SAMPLES, int(groups.max()) + 1))
     weights = np.stack([np.bincount(row, minlength=drawn.shape[1]) for row in drawn]).astype(float)
-    halves = [_half(_numbers(true_groups), rng) for _ in range(_HALVINGS)]
+    halves = [_half(number_groups(true_groups), rng) for _ in range(_HALVINGS)]
     return tuple(
         _drift_of(
             kind.name, theirs[:, place], ours[:, place],
@@ -82,8 +83,3 @@ def _ks(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " m"]) -> float:
     places = np.concatenate([one, other])
     shares = [np.searchsorted(np.sort(values), places, "right") / len(values) for values in (one, other)]
     return float(np.abs(shares[0] - shares[1]).max())
-
-
-def _numbers(groups: Sequence[Hashable]) -> Int[np.ndarray, " n"]:
-    known: dict[Hashable, int] = {}
-    return np.array([known.setdefault(group, len(known)) for group in groups], dtype=np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
@@ -108,3 +108,9 @@ def area_error(
         weights = np.bincount(rng.integers(total, size=total), minlength=total).astype(float)
         areas.append(area(wins, meetings, weights[first_groups], weights[second_groups]))
     return float(np.nanstd(areas, ddof=1))
+
+
+def number_groups(groups: Sequence[Hashable]) -> Int[np.ndarray, " n"]:
+    """Return the number of each body's group, in the order of their first bodies."""
+    known: dict[Hashable, int] = {}
+    return np.array([known.setdefault(group, len(known)) for group in groups], dtype=np.int64)
