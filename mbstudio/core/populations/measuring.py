@@ -169,6 +169,49 @@ def measure_together(
     ]
 
 
+def measured_so_far(
+    groups: Sequence[Bodies],
+    known: Known,
+    *,
+    unit: str | None = None,
+    axes: AxisConvention = "obb",
+    surface: VoxelSurface | None = None,
+    detail: bool = False,
+) -> list[Population]:
+    """Return of each population what was measured by now; what is still to come has no row.
+
+    Parameters
+    ----------
+    groups : sequence of Bodies
+        With keys.
+    known : mapping
+        What `measure_together` fills; another thread may do so meanwhile.
+    unit, axes, surface, detail
+        As it was given them.
+
+    Returns
+    -------
+    list of Population
+        In the order of the groups, without those of which nothing was measured yet.
+
+    Raises
+    ------
+    MeasureError, UnitError
+        As `measure_population`.
+    """
+    asked = _conventions(unit, axes, surface, detail)
+    found: list[Population] = []
+    for group in groups:
+        given = (
+            (label, known.get((key, asked))) for label, key in zip(group.labels, group.keys, strict=True)
+        )
+        rows = [(label, measurement) for label, measurement in given if measurement is not None]
+        if rows:
+            labels, measurements = zip(*rows, strict=True)
+            found.append(_population(group.name, group.kind, labels, measurements, asked))
+    return found
+
+
 def grain_makers(grains: GrainSet, labels: Sequence[int]) -> list[Callable[[], Body]]:
     """Return what cuts each grain out of the label volume, or hands over its mesh, when its turn comes."""
     known = {int(label) for label in grains.table["label"]}

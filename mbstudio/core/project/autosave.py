@@ -37,6 +37,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "work": ("fits", "outdated", "fit_settings"),
     "kept": ("kept",),
     "learning": ("strokes", "classifier"),
+    "log": ("log",),
 }
 _NOTE = "note.json"
 _JOURNAL = "avatars.journal"

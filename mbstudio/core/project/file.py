@@ -18,10 +18,11 @@ it. Layout (schema 7); every text is UTF-8, nothing is pickled::
     /style, /clones  see mbstudio.core.project.style_table; only where there are some
     /kept            see mbstudio.core.project.kept_table; only where there are some
     /strokes, /classifier  see mbstudio.core.project.classifier_table; only where there are some
+    /log             titles of the changes that led here, oldest first; only where there are some
 
 Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans, schema 4 no
 meshes, schema 5 no corrections by hand, schema 6 neither strokes nor a classifier: a project is written in
-the lowest that holds it.
+the lowest that holds it. No version minds a missing log.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ from mbstudio.core.project.grain_table import (
 )
 from mbstudio.core.project.kept_table import read_kept, write_kept
 from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
-from mbstudio.core.project.state import FitSettings, ProjectState, ScanReference
+from mbstudio.core.project.state import LOGGED_CHANGES, FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.stored import ContentError, Stored, json_entries
 from mbstudio.core.project.stored_reading import read_stored
 from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
@@ -268,6 +269,8 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         write_strokes(file.create_group("strokes"), state.strokes)
     if state.classifier is not None:
         write_classifier(file.create_group("classifier"), state.classifier)
+    if state.log:
+        file.create_dataset("log", data=list(state.log), dtype=h5py.string_dtype("utf-8"))
 
 
 def _read_state(stored: Stored, path: Path) -> ProjectState:
@@ -293,6 +296,7 @@ def _read_state(stored: Stored, path: Path) -> ProjectState:
         outdated=_read_outdated(stored.group("fits"), fits),
         strokes=read_strokes(stored.group("strokes")) if "strokes" in stored else (),
         classifier=read_classifier(stored.group("classifier"), path) if "classifier" in stored else None,
+        log=tuple(stored.texts("log"))[-LOGGED_CHANGES:] if "log" in stored else (),
     )
 
 

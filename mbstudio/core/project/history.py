@@ -48,6 +48,11 @@ class History:
         return [title for title, _ in self._entries[1:]]
 
     @property
+    def earlier_titles(self) -> list[str]:
+        """Titles of changes before all that can be undone, oldest first: made before the file was opened."""
+        return list(self._entries[0][1].log)
+
+    @property
     def position(self) -> int:
         """How many of `all_titles` hold now; the rest was undone."""
         return self._position

@@ -597,6 +597,7 @@ class Project:
             embedded = embed_scan or state.scan.path is None
             if embedded != state.scan.embedded:
                 state = replace(state, scan=replace(state.scan, embedded=embedded))
+                state = state.logging("Embed scan" if embedded else "Do not embed scan", begun)
         scan = self.scan if state.scan is not None and state.scan.embedded else None
         with self._alone(target):
             self._require_unchanged(target)
@@ -607,8 +608,12 @@ class Project:
         # What was written, not what holds now: the window saves in a worker, and work goes on.
         self._saved_state = state
         if state is not begun:
-            title = "Embed scan" if embed_scan else "Do not embed scan"
-            self._push(state if self.state is begun else replace(self.state, scan=state.scan), title)
+            title = state.log[-1]
+            if self.state is begun:
+                self.history.push(state, title)
+                self._changed()
+            else:
+                self._push(replace(self.state, scan=state.scan), title)
         return target
 
     def _write(self, target: Path, state: ProjectState, scan: Scan | None) -> None:
@@ -679,7 +684,7 @@ class Project:
         self.close()
 
     def _push(self, state: ProjectState, title: str) -> ProjectState:
-        self.history.push(state, title)
+        self.history.push(state.logging(title, self.state), title)
         return self._changed()
 
     def _changed(self) -> ProjectState:

@@ -70,6 +70,10 @@ class FitSettings:
     target: str = ""
 
 
+LOGGED_CHANGES = 500
+"""How many titles of changes a project keeps."""
+
+
 @dataclass(frozen=True, eq=False)
 class ProjectState:
     """The state of a project; changing it makes a new record that shares what did not change.
@@ -95,6 +99,9 @@ class ProjectState:
         What was painted in the scan to tell voxels by.
     classifier : VoxelClassifier or None
         What was learned from strokes, in this scan or in another.
+    log : tuple of str
+        Titles of the changes that led here, oldest first, those before the file was opened among them; the
+        last `LOGGED_CHANGES` of them.
     """
 
     scan: ScanReference | None = None
@@ -108,6 +115,7 @@ class ProjectState:
     outdated: Mapping[int, FitResult] = field(default_factory=lambda: MappingProxyType({}))
     strokes: tuple[Stroke, ...] = ()
     classifier: VoxelClassifier | None = None
+    log: tuple[str, ...] = ()
 
     @property
     def changed_labels(self) -> frozenset[int]:
@@ -134,6 +142,10 @@ class ProjectState:
             for label, fit in self.fits.items()
             if label in volumes and label not in changed
         }
+
+    def logging(self, title: str, since: ProjectState) -> ProjectState:
+        """Return this state with its log: that of the state before it, and the title of what led here."""
+        return replace(self, log=(*since.log, title)[-LOGGED_CHANGES:])
 
     def with_edit(self, outcome: EditOutcome[GrainSet]) -> ProjectState:
         """Return this state with its grains corrected by hand.

@@ -8,7 +8,7 @@ the share of them that the grains fill, then blur, noise and a cylindrical field
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -28,8 +28,12 @@ _MARGIN = 16
 # Grains are placed on a grid of this many voxels before they are drawn finely.
 _COARSE = 3
 _SUBSAMPLES = 2
+# Shares of the work that placing and drawing the grains take.
+_PACKED, _DRAWN = 0.42, 0.56
 # Pieces of grains that the field of view cuts off below this many voxels are left out.
 _SMALLEST_PIECE = 60
+
+Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -148,13 +152,20 @@ def sample_recipe() -> PhantomRecipe:
     return PhantomRecipe.read(asset("sample_scan.toml"))
 
 
-def sample_scan() -> Phantom:
+def sample_scan(progress: Progress | None = None) -> Phantom:
     """Make the built-in sample scan; the same at every call."""
-    return make_phantom(sample_recipe(), seed=0)
+    return make_phantom(sample_recipe(), seed=0, progress=progress)
 
 
-def make_phantom(recipe: PhantomRecipe, seed: int = 0) -> Phantom:
+def make_phantom(recipe: PhantomRecipe, seed: int = 0, progress: Progress | None = None) -> Phantom:
     """Make a synthetic scan, deterministic by seed.
+
+    Parameters
+    ----------
+    recipe : PhantomRecipe
+    seed : int
+    progress : callable, optional
+        ``progress(share, message)`` at each grain; what it raises ends the work at once.
 
     Raises
     ------
@@ -166,8 +177,10 @@ def make_phantom(recipe: PhantomRecipe, seed: int = 0) -> Phantom:
             "The recipe has no kinds of grains: add at least one [kinds.<name>] with share and diameter."
         )
     rng = np.random.default_rng(seed)
-    placed = _pack(recipe, rng)
-    labels, fill, grey, kinds = _draw(recipe, placed, rng)
+    told = progress or (lambda share, message: None)
+    placed = _pack(recipe, rng, told)
+    labels, fill, grey, kinds = _draw(recipe, placed, rng, told)
+    told(_PACKED + _DRAWN, "Blur and noise")
     if not kinds:
         raise ScanError(
             f"No grain fits into the recipe's box {recipe.shape}: make it larger or the grains smaller."
@@ -192,7 +205,9 @@ def _field_of_view(recipe: PhantomRecipe) -> np.ndarray:
     return np.broadcast_to(disk, recipe.shape)
 
 
-def _pack(recipe: PhantomRecipe, rng: np.random.Generator) -> list[tuple[PhantomGrain, np.ndarray]]:
+def _pack(
+    recipe: PhantomRecipe, rng: np.random.Generator, progress: Progress
+) -> list[tuple[PhantomGrain, np.ndarray]]:
     """Place grains until no more fit; return them with their centres (z, y, x) in voxels."""
     names = list(recipe.kinds)
     shares = np.array([recipe.kinds[name].share for name in names], dtype=float)
@@ -202,9 +217,11 @@ def _pack(recipe: PhantomRecipe, rng: np.random.Generator) -> list[tuple[Phantom
     transform_shape = tuple(fft.next_fast_len(count, real=True) for count in coarse)
     occupied = np.zeros(coarse, dtype=bool)
     placed: list[tuple[PhantomGrain, np.ndarray]] = []
-    volume_left = 0.66 * occupied.size
+    to_fill = 0.66 * occupied.size
+    volume_left = to_fill
     failures = 0
     while failures < 4 and volume_left > 0:
+        progress(_PACKED * (1 - volume_left / to_fill), f"{len(placed)} grains placed")
         name = names[rng.choice(len(names), p=shares)]
         low, high = recipe.kinds[name].diameter
         grain = make_grain(name, float(rng.uniform(low, high)), rng)
@@ -269,7 +286,10 @@ def _best_place(
 
 
 def _draw(
-    recipe: PhantomRecipe, placed: list[tuple[PhantomGrain, np.ndarray]], rng: np.random.Generator
+    recipe: PhantomRecipe,
+    placed: list[tuple[PhantomGrain, np.ndarray]],
+    rng: np.random.Generator,
+    progress: Progress,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
     """Draw the grains: true labels, filled share of each voxel, grey value of what fills it."""
     shape = recipe.shape
@@ -280,6 +300,7 @@ def _draw(
     tones = recipe.grain + recipe.grain_spread * rng.standard_normal(len(placed))
     tones[rng.permutation(len(placed))[: recipe.bright_grains]] = recipe.inclusion
     for number, ((grain, centre), tone) in enumerate(zip(placed, tones, strict=True), start=1):
+        progress(_PACKED + _DRAWN * (number - 1) / len(placed), f"{number} of {len(placed)} grains drawn")
         box = _box(centre, grain.reach, shape)
         if box is None:
             continue

@@ -25,6 +25,9 @@ from mbstudio.ui.theme import Theme
 
 log = logging.getLogger(__name__)
 
+_HANDED_OVER_AFTER = 0.0005
+"""Seconds after which a thread lets the window's have its turn."""
+
 Hook = Callable[[type[BaseException], BaseException, TracebackType | None], Any]
 
 
@@ -69,6 +72,9 @@ def run(
         Exit code.
     """
     pause_collection()
+    # A thread that computes in Python hands over to the window after 5 ms by default, at each of the
+    # thousand calls that repainting takes.
+    sys.setswitchinterval(_HANDED_OVER_AFTER)
     _log_to_file()
     application = make_application()
     install_translation(application)

@@ -13,7 +13,7 @@ from mbstudio.ui.theme import Theme
 
 
 class HistoryList(QListWidget):
-    """One line a change: what holds, where the project stands now, what was undone.
+    """One line a change: what was done before the project was opened, what holds, what was undone.
 
     Attributes
     ----------
@@ -36,7 +36,15 @@ class HistoryList(QListWidget):
         """Show the changes of a history."""
         faint = QColor(self._theme.tokens.faint)
         self.clear()
-        for position, title in enumerate([tr("Beginning"), *history.all_titles]):
+        earlier = history.earlier_titles
+        for title in earlier:
+            item = QListWidgetItem(self._icons.get("ph.check", "faint"), title)
+            item.setForeground(faint)
+            item.setFlags(Qt.ItemFlag.ItemIsEnabled)
+            item.setToolTip(tr("Done before the project was opened; cannot be undone any more"))
+            self.addItem(item)
+        first = tr("Project as it was opened") if earlier else tr("Beginning")
+        for position, title in enumerate([first, *history.all_titles]):
             item = QListWidgetItem(title)
             item.setData(Qt.ItemDataRole.UserRole, position)
             if position > history.position:
@@ -52,8 +60,10 @@ class HistoryList(QListWidget):
             here = position == history.position
             item.setIcon(self._icons.get("ph.caret-right" if here else "ph.minus", "accent"))
             self.addItem(item)
-        self.setCurrentRow(history.position)
+        self.setCurrentRow(len(earlier) + history.position)
         self.scrollToItem(self.currentItem())
 
     def _choose(self, item: QListWidgetItem) -> None:
-        self.chosen.emit(item.data(Qt.ItemDataRole.UserRole))
+        position = item.data(Qt.ItemDataRole.UserRole)
+        if position is not None:
+            self.chosen.emit(position)

@@ -16,6 +16,7 @@ from mbstudio.core.grains import Grain, load_labels
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, FACTORS, measure
 from mbstudio.core.populations import Population, measure_population
+from mbstudio.core.populations.measuring import Bodies, given_body, measure_together, measured_so_far
 from mbstudio.core.units import VoxelSize
 
 
@@ -177,3 +178,23 @@ def test_another_unit_changes_lengths_areas_and_volumes():
     assert small.unit == "um"
     found = {name: float(small.column(name)[0]) for name in columns}
     assert found == pytest.approx({"volume": 2e9, "area": 3e6, "dn": 5e3, "sphericity": 0.7})
+
+
+def test_what_is_measured_by_now_is_a_part_of_the_whole():
+    bodies = [box(1, 2, edge) for edge in (3, 4, 5)]
+    groups = [
+        Bodies("some", "grains", [4, 5], [given_body(body) for body in bodies[:2]], bodies[:2]),
+        Bodies("last", "avatars", [6], [given_body(bodies[2])], bodies[2:]),
+    ]
+    known, parts = {}, []
+    assert measured_so_far(groups, known, unit="mm") == []
+    whole = measure_together(
+        groups, unit="mm", workers=0, known=known,
+        progress=lambda *_: parts.append(measured_so_far(groups, known, unit="mm")),
+    )  # fmt: skip
+    assert [[one.labels.tolist() for one in part] for part in parts] == [[[4]], [[4, 5]], [[4, 5], [6]]]
+    for part in parts:
+        for one, all_of_it in zip(part, whole, strict=False):
+            for factor, values in one.factors.items():
+                np.testing.assert_array_equal(values, all_of_it.factors[factor][: len(values)])
+    assert measured_so_far(groups, known, unit="mm", axes="feret") == [], "measured in another way"

@@ -2,12 +2,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from mbstudio.core.errors import ProjectError
-from mbstudio.core.project import FitSettings, History, ProjectState
+from mbstudio.core.project import FitSettings, History, Project, ProjectState
+from mbstudio.core.project.state import LOGGED_CHANGES
+from mbstudio.core.scan import Scan
+from mbstudio.core.units import VoxelSize
 
 
 def state_with(n: int) -> ProjectState:
@@ -106,3 +110,37 @@ def test_what_follows_from_a_change_is_undone_with_it():
     assert history.titles == ["two"]
     assert history.undo() is first
     assert history.redo() is amended
+
+
+def test_the_log_tells_what_was_done_before_the_file_was_opened(tmp_path):
+    project = Project()
+    for n in (50, 60, 70):
+        project.change(f"Take {n}", fit_settings=FitSettings(n=n))
+    project.undo()
+    project.save(tmp_path / "sand.mbs")
+    again = Project.open(tmp_path / "sand.mbs")
+    assert again.state.log == ("Take 50", "Take 60"), "what was undone did not lead here"
+    assert again.history.earlier_titles == ["Take 50", "Take 60"]
+    assert not again.history.can_undo
+    again.change("Take 80", fit_settings=FitSettings(n=80))
+    assert again.history.all_titles == ["Take 80"]
+    assert again.history.earlier_titles == ["Take 50", "Take 60"]
+    again.save()
+    assert not again.is_modified
+    assert Project.open(tmp_path / "sand.mbs").state.log == ("Take 50", "Take 60", "Take 80")
+
+
+def test_the_log_keeps_the_last_changes_alone():
+    project = Project()
+    for number in range(LOGGED_CHANGES + 5):
+        project.change(f"Change {number}")
+    assert len(project.state.log) == LOGGED_CHANGES
+    assert project.state.log[0] == "Change 5"
+    assert project.history.earlier_titles[-1:] == ["Change 4"], "the change before all that can be undone"
+
+
+def test_embedding_a_scan_is_logged_in_the_file_that_embeds_it(tmp_path):
+    project = Project.new(Scan(np.ones((4, 5, 6), np.uint8), VoxelSize.parse("10 um")))
+    project.save(tmp_path / "scan.mbs", embed_scan=True)
+    assert not project.is_modified
+    assert project.state.log == Project.open(tmp_path / "scan.mbs").state.log

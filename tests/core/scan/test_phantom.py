@@ -9,7 +9,7 @@ import cc3d
 import numpy as np
 import pytest
 
-from mbstudio.core.errors import ScanError
+from mbstudio.core.errors import Cancelled, ScanError
 from mbstudio.core.scan import Phantom, PhantomRecipe, make_phantom, sample_recipe, sample_scan
 from mbstudio.core.scan.phantom import KindOfGrain
 from mbstudio.core.scan.phantom_grains import make_grain
@@ -88,6 +88,22 @@ def test_same_seed_same_scan_other_seed_other_scan(small_recipe: PhantomRecipe) 
     np.testing.assert_array_equal(first.labels, again.labels)
     np.testing.assert_array_equal(first.scan.voxels, again.scan.voxels)
     assert not np.array_equal(first.labels, other.labels)
+
+
+def test_making_a_scan_tells_how_far_it_is_and_can_be_given_up(small_recipe: PhantomRecipe) -> None:
+    shares: list[float] = []
+    told = make_phantom(small_recipe, seed=1, progress=lambda share, _: shares.append(share))
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert 0.9 < shares[-1] < 1.0
+    np.testing.assert_array_equal(told.scan.voxels, make_phantom(small_recipe, seed=1).scan.voxels)
+
+    def give_up(share: float, _: str) -> None:
+        if share > 0.2:
+            raise Cancelled("The work was cancelled.")
+
+    with pytest.raises(Cancelled):
+        make_phantom(small_recipe, seed=1, progress=give_up)
 
 
 @pytest.mark.parametrize("kind", ["cobble", "angular", "elongated", "concave"])

@@ -25,7 +25,7 @@ from mbstudio.ui.theme import Theme
 from tests.ui.random_hand import acts
 from tests.ui.random_hand.files import Files
 from tests.ui.random_hand.records import digest
-from tests.ui.random_hand.watch import Remains, Watch
+from tests.ui.random_hand.watch import Remains, Watch, places_of_threads
 
 SMALLEST, LARGEST = (900, 600), (2560, 1440)
 PATIENCE = 120.0
@@ -322,8 +322,9 @@ class RandomHand:
         self.watch.doing = "undoing all"
         window.queue.cancel_all()
         if not self._settle(PATIENCE):
-            running = [task.title for task in window.queue._running.values()]
-            self.watch.note(f"cancelled, and still running after {PATIENCE:.0f} s: {', '.join(running)}")
+            running = ", ".join(task.title for task in window.queue._running.values())
+            where = places_of_threads()
+            self.watch.note(f"cancelled, and still running after {PATIENCE:.0f} s: {running} ({where})")
             return
         self._answer_what_asks()
         window.enter(window.stations.home.id)

@@ -67,7 +67,7 @@ class Watch(logging.Handler):
 
     def __enter__(self) -> Watch:
         self._hooks = sys.excepthook, threading.excepthook, sys.unraisablehook
-        sys.excepthook = lambda kind, error, trace: self.note(_told(error))
+        sys.excepthook = self._python_said
         threading.excepthook = lambda given: self.note(f"in a thread: {_told(given.exc_value)}")
         sys.unraisablehook = lambda given: self.note(f"unraisable: {_told(given.exc_value)} {given.err_msg}")
         self._before = qInstallMessageHandler(self._qt_said)
@@ -87,6 +87,14 @@ class Watch(logging.Handler):
         QApplication.instance().removeEventFilter(self._painted)
         sys.excepthook, threading.excepthook, sys.unraisablehook = self._hooks
 
+    def _python_said(self, _kind: type, error: BaseException, _trace: Any) -> None:
+        self.note(_told(error))
+        # Python keeps the last error that nobody caught, and with its frames the window that it came from:
+        # one fault would be told a second time, as a window that is left alive.
+        for name in ("last_exc", "last_type", "last_value", "last_traceback"):
+            if hasattr(sys, name):
+                delattr(sys, name)
+
     def emit(self, record: logging.LogRecord) -> None:
         """Note what the program itself calls a fault."""
         told = _told(record.exc_info[1]) if record.exc_info else ""
@@ -99,6 +107,18 @@ class Watch(logging.Handler):
 
     def _warned(self, message: Warning | str, category: type, file: str, line: int, *_: object) -> None:
         self.note(f"{category.__name__}: {message} ({Path(file).name}:{line})")
+
+
+def places_of_threads() -> str:
+    """Return where each thread but this one stands, innermost call first."""
+    names = {thread.ident: thread.name for thread in threading.enumerate()}
+    told = []
+    for number, frame in sys._current_frames().items():
+        if number != threading.get_ident():
+            calls = reversed(traceback.extract_stack(frame)[-8:])
+            places = " < ".join(f"{Path(call.filename).name}:{call.lineno}" for call in calls)
+            told.append(f"{names.get(number, number)}: {places}")
+    return "; ".join(told)
 
 
 def _told(error: BaseException | None) -> str:

@@ -70,6 +70,26 @@ def test_a_click_in_the_history_goes_back_and_forth(with_grains, idle):
         window.workspace.go_to(4)
 
 
+def test_the_history_goes_on_where_the_file_was_saved(with_grains, idle, tmp_path):
+    window = with_grains
+    settings = window.workspace.state.fit_settings
+    window.workspace.change("Take 50", fit_settings=replace(settings, n=50))
+    window.workspace.project.save(tmp_path / "sand.mbs")
+    window.project_files.open_path(tmp_path / "sand.mbs")
+    idle()
+    window.workspace.change("Take 60", fit_settings=replace(settings, n=60))
+    assert window.commands.run("panel.history")
+    history = window.shell.history
+    told = [history.item(row).text() for row in range(history.count())]
+    assert told[-3:] == ["Take 50", "Project as it was opened", "Take 60"]
+    assert history.currentRow() == len(told) - 1
+    for row, n in ((len(told) - 3, 60), (len(told) - 2, 50)):
+        history.scrollToItem(history.item(row))
+        place = history.visualItemRect(history.item(row)).center()
+        QTest.mouseClick(history.viewport(), Qt.MouseButton.LeftButton, pos=place)
+        assert window.workspace.state.fit_settings.n == n, "what came before the file cannot be gone back to"
+
+
 # ---- log -------------------------------------------------------------------------------------------
 
 

@@ -59,7 +59,7 @@ def population_commands(
             menu="Populations",
             icon="ph.download-simple",
             tip=tr("Save the current plot as SVG, PNG or PDF"),
-            enabled=lambda: bool(work.populations),
+            enabled=lambda: bool(work.populations) and not work.is_growing,
         ),
         Command(
             id="populations.copy_figure",
@@ -68,7 +68,7 @@ def population_commands(
             menu="Populations",
             icon="ph.copy",
             tip=tr("Copy the current plot to the clipboard"),
-            enabled=lambda: bool(work.populations),
+            enabled=lambda: bool(work.populations) and not work.is_growing,
         ),
     ]
     return [*commands, *_plots(space, open_page)]

@@ -51,6 +51,7 @@ class PopulationDock(QFrame):
         self.setMinimumWidth(NARROWEST)
         self._theme = theme
         self._populations: Sequence[Population] = ()
+        self._is_growing = False
         self._shown = Shown()
         self._marked: tuple[Collection[int], int | None] = ((), None)
         self.pages: dict[str, PopulationPlot] = {}
@@ -131,9 +132,14 @@ class PopulationDock(QFrame):
         """Turn to a page."""
         self.tabs.setCurrentIndex(list(self.pages).index(name))
 
-    def show_populations(self, populations: Sequence[Population], shown: Shown) -> None:
-        """Draw populations; those of the other pages when they are turned to."""
-        self._populations, self._shown = populations, shown
+    def show_populations(
+        self, populations: Sequence[Population], shown: Shown, is_growing: bool = False
+    ) -> None:
+        """Draw populations; those of the other pages when they are turned to.
+
+        The legend says of those that are growing that more is to come.
+        """
+        self._populations, self._shown, self._is_growing = populations, shown, is_growing
         self._write_legend()
         self._turn()
 
@@ -150,8 +156,10 @@ class PopulationDock(QFrame):
     def _turn(self, *_: object) -> None:
         drawn = bool(self._populations)
         self._stack.setCurrentWidget(self.page if drawn else self.words)
-        for part in (self.rectangle, self.lasso, self.everything, self.save, self.copy):
+        for part in (self.rectangle, self.lasso, self.everything):
             part.setEnabled(drawn)
+        for part in (self.save, self.copy):
+            part.setEnabled(drawn and not self._is_growing)
         if drawn:
             self.page.show_populations(self._populations, self._shown)
             self.page.mark(*self._marked)
@@ -162,4 +170,6 @@ class PopulationDock(QFrame):
             f"{escape(name_of(population))} ({int(population.measured.sum())})"
             for place, population in enumerate(self._populations)
         ]
+        if self._is_growing:
+            parts.append(escape(tr("so far; more is to come")))
         self._legend.setText(" &nbsp; ".join(parts))

@@ -53,7 +53,7 @@ class PopulationLink(QObject):
     # ---- in step -------------------------------------------------------------------------------
 
     def _show(self, shown: Shown) -> None:
-        self._dock.show_populations(self._work.populations, shown)
+        self._dock.show_populations(self._work.shown, shown, self._work.is_growing)
         self._mark()
 
     def _mark(self) -> None:
@@ -76,7 +76,7 @@ class PopulationLink(QObject):
         if self._space.state.grains is None:
             words = tr("There are no grains yet.\nFind them at station Grains, then come back.")
         elif self._work.run.is_running:
-            words = tr("Grains and avatars are being measured …\nPlots appear here when that is done.")
+            words = tr("Grains and avatars are being measured …\nPlots appear here and fill as it goes on.")
         else:
             words = tr("Press “Measure” on the left.\nPlots of the grains and their avatars appear here.")
         self._dock.say(words)

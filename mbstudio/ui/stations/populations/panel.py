@@ -131,6 +131,7 @@ class PopulationPanel(Panel):
         for field in (self.factor, self.second, self.by, self.sieves):
             field.currentIndexChanged.connect(self._show_choice)
         self._work.changed.connect(self.refresh)
+        self._work.grown.connect(self.refresh)
         self._workspace.selection_changed.connect(self._write_hint)
 
     @property
@@ -143,7 +144,7 @@ class PopulationPanel(Panel):
 
     def refresh(self) -> None:
         """Show the populations that there are, and what can be done now."""
-        populations = self._work.populations
+        populations = self._work.shown
         if populations:
             self._offer([f for f in populations[0].factors if all(f in p.factors for p in populations)])
         self._write_hint()
@@ -160,7 +161,7 @@ class PopulationPanel(Panel):
         self.scope.setItemText(self.scope.findData("chosen"), tr("Chosen grains ({count})", count=chosen))
 
     def _show_choice(self, *_: object) -> None:
-        populations = self._work.populations
+        populations = self._work.shown
         self._fill(populations)
         self.shown_changed.emit(self.shown)
 

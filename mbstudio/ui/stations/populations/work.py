@@ -17,6 +17,7 @@ from mbstudio.core.populations.measuring import (
     FEWEST_FOR_PROCESSES,
     Conventions,
     Known,
+    measured_so_far,
     unknown_bodies,
 )
 from mbstudio.core.populations.sieving import SieveSeries
@@ -26,7 +27,7 @@ from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.offers import Offers
 from mbstudio.ui.stations.run import Run
 from mbstudio.ui.stations.work import Work
-from mbstudio.ui.workers import Control, Task, TaskQueue
+from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 Scope = Literal["fitted", "inside", "chosen"]
@@ -35,6 +36,8 @@ AT_ONCE = 1.0
 EACH, DETAIL = 0.45, 5.0
 """Seconds of one core for a body before one was timed, and how many times as long its details take."""
 _STARTING = 1.5  # seconds until processes work
+_FRESH = 1.5
+"""Seconds between two looks at what was measured by now."""
 KEPT = 4  # measured populations: as many as undo and another convention bring back soon
 
 
@@ -73,6 +76,15 @@ class Measured:
         return [population for population in given if population is not None and population.measured.any()]
 
 
+@dataclass(frozen=True, eq=False)
+class Growing:
+    """What of a state of the project was measured by now: for the eye, not for others to build on."""
+
+    asked: MeasureRequest
+    state: ProjectState
+    populations: list[Population]
+
+
 class PopulationWork(Work):
     """Measures populations, and keeps what was measured until the project changes.
 
@@ -83,11 +95,16 @@ class PopulationWork(Work):
         What :meth:`measure` measures.
     measured : Measured or None
         What was measured last, of the grains that the project still has.
+    growing : Growing or None
+        What was measured by now of a population that is not whole yet.
     changed : signal
         Something was measured, given up, or is out of date.
+    grown : signal
+        More bodies of a population that is not whole yet were measured.
     """
 
     changed = Signal()
+    grown = Signal()
 
     def __init__(
         self, workspace: Workspace, queue: TaskQueue, offers: Offers, parent: QObject | None = None
@@ -98,6 +115,7 @@ class PopulationWork(Work):
         self.run.changed.connect(self.changed)
         self.asked = MeasureRequest()
         self.measured: Measured | None = None
+        self.growing: Growing | None = None
         self._kept: list[Measured] = []
         self._each = EACH
         self._left: tuple[tuple[object, ...], tuple[int, int]] | None = None
@@ -120,6 +138,18 @@ class PopulationWork(Work):
         """All populations that can be shown, the reference first."""
         own = [] if self.measured is None else self.measured.populations
         return [*own, *self._offers.compared]
+
+    @property
+    def is_growing(self) -> bool:
+        """Whether `shown` holds a part of the bodies, and the rest is still to be measured."""
+        return self.growing is not None and not self.is_current and self._fits_now(self.growing)
+
+    @property
+    def shown(self) -> list[Population]:
+        """What plots and tables show: `populations`, or what was measured by now where they are not whole."""
+        if self.growing is not None and self.is_growing:
+            return [*self.growing.populations, *self._offers.compared]
+        return self.populations
 
     @property
     def wanted(self) -> MeasureRequest:
@@ -191,6 +221,7 @@ class PopulationWork(Work):
             return measured
 
         task = Task(tr("Measuring populations"), work)
+        task.reported.connect(self._grow)
         task.succeeded.connect(self._keep_populations)
         return self.run.start(task)
 
@@ -225,6 +256,11 @@ class PopulationWork(Work):
         task.succeeded.connect(self._keep_populations)
         return self.run.start(task)
 
+    def _grow(self, report: Report) -> None:
+        if isinstance(report.view, Growing):
+            self.growing = report.view
+            self.grown.emit()
+
     def _keep_populations(self, measured: Measured) -> None:
         self._kept = [measured, *(one for one in self._kept if one is not measured)][:KEPT]
         if measured.state.grains is self.workspace.state.grains:
@@ -240,7 +276,7 @@ class PopulationWork(Work):
 
     def _grains_changed(self) -> None:
         self.run.cancel()
-        self.measured = None
+        self.measured = self.growing = None
         self._look_up()
 
     def _selection_changed(self) -> None:
@@ -252,7 +288,7 @@ class PopulationWork(Work):
         self.measured = next((one for one in self._kept if self._fits_now(one)), self.measured)
         self.changed.emit()
 
-    def _fits_now(self, measured: Measured) -> bool:
+    def _fits_now(self, measured: Measured | Growing) -> bool:
         state = self.workspace.state
         same = measured.state.grains is state.grains and measured.state.fits is state.fits
         return same and measured.asked == self.wanted
@@ -276,8 +312,20 @@ def _measure(
     # What compares distributions takes a second to load: here it does not halt the window.
     import scipy.stats  # noqa: F401
 
+    labels = _labels(state, asked)
+    groups = bodies_of(Project(state), labels)
+    unit = None if state.grains is None else state.grains.unit
+    looked = time.monotonic()
+
+    def progress(done: float, told: str) -> None:
+        nonlocal looked
+        control.progress(share * done, told)
+        if done < 1 and time.monotonic() - looked >= _FRESH:
+            found = measured_so_far(groups, known, unit=unit, axes=asked.axes, detail=asked.detail)
+            control.report(share * done, told, view=Growing(asked, state, found))
+            looked = time.monotonic()
+
     found = measure_project(
-        Project(state), _labels(state, asked), axes=asked.axes, detail=asked.detail, known=known,
-        progress=lambda done, told: control.progress(share * done, told),
-    )  # fmt: skip
+        Project(state), labels, axes=asked.axes, detail=asked.detail, known=known, progress=progress
+    )
     return Measured(asked, state, found)

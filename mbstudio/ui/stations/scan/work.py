@@ -109,7 +109,9 @@ class ScanWork(Work):
         """Make the built-in sample scan."""
         task = Task(
             tr("Making the sample scan"),
-            lambda control: _opened(sample_scan().scan, tr("Open sample scan"), tr("Sample scan"), control),
+            lambda control: _opened(
+                sample_scan(control.progress).scan, tr("Open sample scan"), tr("Sample scan"), control
+            ),
         )
         task.succeeded.connect(self._use_scan)
         return self.queue.submit(task)

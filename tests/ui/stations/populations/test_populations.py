@@ -267,6 +267,30 @@ def test_what_was_measured_before_it_was_cancelled_is_kept(opened, idle, qtbot):
     assert not known
 
 
+def test_what_is_measured_by_now_is_drawn_at_once_and_offered_to_nobody(opened, idle, monkeypatch):
+    monkeypatch.setattr("mbstudio.ui.stations.populations.work._FRESH", 0.0)
+    window, work, dock = opened, opened.stations.populations.work, opened.stations.populations.dock
+    seen = []
+
+    def look():
+        drawn = dock._stack.currentWidget() is dock.page
+        seen.append(([len(one) for one in work.shown], drawn, dock._legend.text()))
+        assert not window.studio.offers.populations, "a part must not be taken for the whole"
+        assert not window.commands.action("populations.save_figure").isEnabled()
+
+    work.grown.connect(look)
+    window.enter("populations")
+    work.measure()
+    idle()
+    work.grown.disconnect(look)
+    assert seen
+    assert all(sum(counts) < 5 and drawn and "more is to come" in legend for counts, drawn, legend in seen)
+    assert [len(one) for one in work.shown] == [3, 2]
+    assert not work.is_growing
+    assert "more is to come" not in dock._legend.text()
+    assert window.commands.action("populations.save_figure").isEnabled()
+
+
 def replace_fit(window):
     return fit(window.workspace.state.grains.grain(2), 5)
 
