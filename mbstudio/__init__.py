@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from mbstudio.core.metrics import ShapeFactors, measure
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan, open_scan
+    from mbstudio.core.twin.result import TwinResult
+    from mbstudio.core.twin.twinning import start_twin, twin
     from mbstudio.core.vae.generate.generator import generate
     from mbstudio.core.vae.models.style_learner import StyleLearner, load_style_learner
     from mbstudio.core.vae.models.training import learn
@@ -42,6 +44,7 @@ _HOME_OF = {
     "Stroke": "grains.classifying",
     "StyleLearner": "vae.models.style_learner",
     "SurfaceStyle": "cloning.surface_style",
+    "TwinResult": "twin.result",
     "VoxelClassifier": "grains.classifying",
     "export": "dem",
     "fit": "imaging",
@@ -60,6 +63,8 @@ _HOME_OF = {
     "segment": "grains",
     "serialize": "vae.serialize.serializer",
     "start_fit": "imaging",
+    "start_twin": "twin.twinning",
+    "twin": "twin.twinning",
 }
 
 __all__ = [
@@ -74,6 +79,7 @@ __all__ = [
     "Stroke",
     "StyleLearner",
     "SurfaceStyle",
+    "TwinResult",
     "VoxelClassifier",
     "__version__",
     "export",
@@ -93,6 +99,8 @@ __all__ = [
     "segment",
     "serialize",
     "start_fit",
+    "start_twin",
+    "twin",
 ]
 
 

@@ -88,6 +88,10 @@ class FitError(MbstudioError):
     """A fit that cannot be started or finished as requested."""
 
 
+class TwinError(FitError):
+    """A scan whose grey values avatars cannot be fitted to."""
+
+
 class SerializationError(MbstudioError):
     """Bodies that cannot be brought into one common frame and order of control points."""
 
