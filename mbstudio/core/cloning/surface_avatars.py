@@ -23,7 +23,9 @@ from mbstudio.core.vae.serialize.fit_target import prepare_mesh
 from mbstudio.core.vae.serialize.frame import PrincipalFrame
 
 CONTROL_POINTS = 120
-_STEPS_OF_CLONES = 12
+_STEPS_OF_CLONES, _STEPS_OF_MANY = 12, 30
+# Many control points lie less deep, and follow the surface where fewer points would not tell them to.
+_OF_MANY = {"side": 90, "hull_points": 32_000}
 # An area row would grow bumps until the area fits: what faces and edges lack is not to be made up for.
 _SETTINGS = RefineSettings(area_weight=0.0)
 
@@ -71,7 +73,7 @@ def fit_surface(
     start : Avatar, optional
         To begin from, near the surface already: a dozen steps are enough then.
     steps : int, optional
-        Of the search at most; 60, or 12 from a start.
+        Of the search at most; 60, or from a start 12, and 30 of more than 120 control points.
     seed : int
     name : str
 
@@ -86,10 +88,12 @@ def fit_surface(
     mesh.units = unit
     frame = PrincipalFrame(moments.centre, np.eye(3), diameter, unit)
     try:
-        prepared = prepare_mesh(mesh, frame, seed)
+        count = n if start is None else len(start.weights)
+        fine = _OF_MANY if count > CONTROL_POINTS else {}
+        prepared = prepare_mesh(mesh, frame, seed, **fine)
         control = None if start is None else _in_working_frame(start, prepared)
-        count = n if control is None else control.shape[1]
-        generations = steps or (FastOptions().generations if control is None else _STEPS_OF_CLONES)
+        usual = _STEPS_OF_MANY if count > CONTROL_POINTS else _STEPS_OF_CLONES
+        generations = steps or (FastOptions().generations if control is None else usual)
         fit = _FitToSurface(prepared, count, seed, generations, control)
         for _ in fit:
             pass

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mbstudio.core.errors import FitError
+from mbstudio.core.imaging.fast.block_refine import BlockRefinement
 from mbstudio.core.imaging.fast.descent import Descent
 from mbstudio.core.imaging.fast.guard import (
     ITERATIONS_PER_ROUND,
@@ -44,6 +45,9 @@ class FastOptions(OptionRecord, owner="method 'fast'", error=FitError):
     )
     hull_points: int = option(24_000, "Points on the surface at most.", minimum=10)
     cavities: Literal["fill", "keep"] = option(CAVITIES.default, CAVITIES.meaning, choices=CAVITIES.choices)
+    blocks_from: int = option(
+        150, "Control points from which on they move in blocks of neighbours: far faster.", minimum=1
+    )
     refine: RefineSettings = field(default_factory=RefineSettings)
 
 
@@ -87,7 +91,8 @@ class FastFit(StepRun):
         return self.refinement.rms()
 
     def _begin(self, control: np.ndarray, settings: RefineSettings) -> None:
-        self.refinement = Refinement(self.prepared, control, settings)
+        kind = BlockRefinement if control.shape[1] >= self.options.blocks_from else Refinement
+        self.refinement = kind(self.prepared, control, settings)
         self.refinement.settle()
         self.control, self._found = self.refinement.control, None
 
@@ -130,6 +135,8 @@ class FastFit(StepRun):
 
     def _descend(self, count: int, last: int, *, relocates: bool = True) -> Iterator[SearchStep]:
         """Yield steps until `count`, or until progress stops; control points are relocated on the way."""
+        # What a relocation costs, the normal equations of all control points, blocks do without.
+        relocates = relocates and not isinstance(self.refinement, BlockRefinement)
         descent = Descent(
             self.refinement, count, n=self.n, seed=self.seed, rms=self._rms[-1], relocates=relocates
         )

@@ -86,9 +86,13 @@ class InteriorPoints:
         """Return the weighted hinges and f at the points, for control points in single precision."""
         inner = np.empty(self.points.shape[1], dtype=np.float32)
         field_of_rows(self.points, control, inner)
-        hinge = np.minimum(self.side * (1 - inner**-0.5) - self._margin, 0)
+        return self.hinges_of(inner), inner
+
+    def hinges_of(self, inner: np.ndarray) -> np.ndarray:
+        """Return the weighted hinges for f at the points."""
+        hinge: np.ndarray = np.minimum(self.side * (1 - inner**-0.5) - self._margin, 0)
         hinge *= self.weight
-        return hinge, inner
+        return hinge
 
 
 @dataclass(frozen=True, eq=False)

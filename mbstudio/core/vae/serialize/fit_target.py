@@ -62,7 +62,14 @@ def prepare_body(
         raise SerializationError(f"{name} cannot be serialized: {error}") from error
 
 
-def prepare_mesh(mesh: trimesh.Trimesh, frame: PrincipalFrame, seed: int) -> PreparedGrain:
+def prepare_mesh(
+    mesh: trimesh.Trimesh,
+    frame: PrincipalFrame,
+    seed: int,
+    *,
+    side: int = MESH_SIDE,
+    hull_points: int = HULL_POINTS,
+) -> PreparedGrain:
     """Return a closed mesh prepared by way of voxels, its hull points then taken from its own triangles.
 
     Parameters
@@ -71,9 +78,13 @@ def prepare_mesh(mesh: trimesh.Trimesh, frame: PrincipalFrame, seed: int) -> Pre
     frame : PrincipalFrame
         Of the mesh; in its unit.
     seed : int
+    side : int
+        Voxels on the longest side, which tell how deep points lie.
+    hull_points : int
+        Points on its triangles.
     """
-    rough = prepare(_voxels_of(mesh, frame.unit), seed, working_side=MESH_SIDE, hull="voxels")
-    points = surface_points(mesh, HULL_POINTS, np.random.default_rng([seed, 1]))
+    rough = prepare(_voxels_of(mesh, frame.unit, side), seed, working_side=side, hull="voxels")
+    points = surface_points(mesh, hull_points, np.random.default_rng([seed, 1]))
     volume = np.pi / 6 * frame.diameter**3
     area = surface_area(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces))
     return replace(
@@ -86,16 +97,16 @@ def prepare_mesh(mesh: trimesh.Trimesh, frame: PrincipalFrame, seed: int) -> Pre
     )
 
 
-def _voxels_of(mesh: trimesh.Trimesh, unit: str) -> Grain:
+def _voxels_of(mesh: trimesh.Trimesh, unit: str, side: int) -> Grain:
     """Return a checked mesh as voxels: `Grain.from_mesh` would check and clean it anew, at twice the cost."""
     low, high = np.asarray(mesh.bounds)
-    edge = float((high - low).max()) / MESH_SIDE
+    edge = float((high - low).max()) / side
     counts = np.maximum(np.ceil((high - low) / edge - 1e-9).astype(int), 1)
     first = (low + high) / 2 - edge * (counts - 1) / 2
     shape = (int(counts[2]), int(counts[1]), int(counts[0]))
     inside = voxelise(np.asarray(mesh.vertices), np.asarray(mesh.faces), first, edge, shape)
     if not inside.any():
-        raise SerializationError(f"It is thinner than 1/{MESH_SIDE} of its length.")
+        raise SerializationError(f"It is thinner than 1/{side} of its length.")
     origin = (float(first[0]), float(first[1]), float(first[2]))
     return Grain(without_cavities(largest_piece(inside)), VoxelSize(edge, edge, edge, unit), origin)
 
