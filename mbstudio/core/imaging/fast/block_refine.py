@@ -73,15 +73,30 @@ class BlockRefinement(Refinement):
         self.damping = 1e-2
         self._iteration += 1
         self._measure_scale(self.control.astype(np.float32))
-        sums = _Sums(self)
+        sums = Sums(self)
         lowered = False
         for block in blocks(self.control[:3], BLOCK, np.random.default_rng([self._iteration, 3])):
             lowered |= self._move(block, sums)
         return lowered
 
-    def _move(self, block: np.ndarray, sums: _Sums) -> bool:
+    def parts(self) -> Iterator[Part]:
+        """Yield all blocks at rest, each with what it sees of the search."""
+        self._measure_scale(self.control.astype(np.float32))
+        sums = Sums(self)
+        for block in blocks(self.control[:3], BLOCK, np.random.default_rng([self._iteration, 3])):
+            yield Part(self, block, sums, offset=self._iteration % _FAR)
+
+    def exchange(self, dropped: np.ndarray, new: Float64[np.ndarray, "4 c"]) -> None:
+        """Put new control points in the place of as many others; their next steps are short."""
+        self.control = self.control.copy()
+        self.control[:, dropped] = new
+        np.maximum(self._dampings, 1e-2, out=self._dampings)
+        self._dampings[dropped] = self.settings.start_damping
+        self._renew_surface()
+
+    def _move(self, block: np.ndarray, sums: Sums) -> bool:
         """Make one step of a block; return whether the sum of squares fell."""
-        part = _Part(self, block, sums, offset=self._iteration % _FAR)
+        part = Part(self, block, sums, offset=self._iteration % _FAR)
         at = part.rows(part.begun)
         matrix, gradient = part.normal_equations(at)
         diagonal = np.diagonal(matrix).copy()
@@ -102,7 +117,7 @@ class BlockRefinement(Refinement):
         return moved
 
 
-class _Sums:
+class Sums:
     """f of all control points at all points in use, kept up to date while blocks move."""
 
     def __init__(self, search: BlockRefinement) -> None:
@@ -138,17 +153,28 @@ class _Rows(NamedTuple):
     cost: float
 
 
-class _Part:
-    """What one block sees of the search, all other control points at rest."""
+class Part:
+    """What one block sees of the search, all other control points at rest.
 
-    def __init__(self, search: BlockRefinement, block: np.ndarray, sums: _Sums, offset: int) -> None:
-        self._search, self.begun = search, search.control[:, block]
+    Attributes
+    ----------
+    block : int array
+        Indices of its control points.
+    begun : float array, shape (4, b)
+        Those, before they move.
+    own : int
+        Surface points that are its own; they come first in its rows.
+    """
+
+    def __init__(self, search: BlockRefinement, block: np.ndarray, sums: Sums, offset: int) -> None:
+        self._search, self.block, self.begun = search, block, search.control[:, block]
         surface, interior = search.surface, search._interior
         single = self.begun.astype(np.float32)
         own, own_inner = field_at(surface.points, single), field_at(interior.points, single)
         near = own > _NEAR * sums.field
         far = np.flatnonzero(~near)[offset::_FAR]
         chosen = np.concatenate([np.flatnonzero(near), far])
+        self.own = int(near.sum())
         times = np.ones(len(chosen), dtype=np.float32)
         times[len(chosen) - len(far) :] = (len(near) - near.sum()) / max(len(far), 1)
         self._points = np.ascontiguousarray(surface.points[:, chosen])
@@ -193,19 +219,12 @@ class _Part:
     def normal_equations(self, at: _Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return normal matrix (lower triangle) and gradient of the block."""
         search, n = self._search, self.begun.shape[1]
-        interior, solid = search._interior, search.solid
-        active = np.flatnonzero(at.hinge < 0)
-        points = np.ascontiguousarray(np.hstack([self._points, interior.points[:, active]]))
-        factor = np.concatenate([
-            0.5 * self._scale * self._weight * at.field**-1.5,
-            0.5 * (interior.side * interior.weight)[active] * at.inner[active] ** -1.5,
-        ]).astype(np.float32)  # fmt: skip
+        solid = search.solid
+        points, factor, residual = self.at_points(at)
         rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
         jacobian_of_rows(points, self.begun.astype(np.float32), factor, rows)
         matrix, gradient = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
-        add_normal_matrix(
-            rows, np.concatenate([at.surface, at.hinge[active]]).astype(np.float32), matrix, gradient
-        )
+        add_normal_matrix(rows, residual, matrix, gradient)
         share, mean = self._share / self._weight, np.empty(4 * n)
         for weight, values, row in (
             (search._volume_weight, share, at.volume),
@@ -223,6 +242,20 @@ class _Part:
             for b in range(3):
                 matrix[(a + 1) * n + low, (b + 1) * n + low] += of_depth[a] * of_depth[b]
         return matrix, gradient
+
+    def at_points(self, at: _Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return points, and the weighted rows there with their derivatives by f (second).
+
+        Surface points come first, then the interior points that are too shallow in the avatar.
+        """
+        interior = self._search._interior
+        active = np.flatnonzero(at.hinge < 0)
+        points = np.ascontiguousarray(np.hstack([self._points, interior.points[:, active]]))
+        slope = np.concatenate([
+            0.5 * self._scale * self._weight * at.field**-1.5,
+            0.5 * (interior.side * interior.weight)[active] * at.inner[active] ** -1.5,
+        ]).astype(np.float32)  # fmt: skip
+        return points, slope, np.concatenate([at.surface, at.hinge[active]]).astype(np.float32)
 
     def after(self, step: np.ndarray) -> np.ndarray:
         """Return the block after a step: bounded, and no control point shallower than allowed."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mbstudio.core.imaging.fast.block_refine import BlockRefinement
+from mbstudio.core.imaging.fast.block_relocation import relocate_in_blocks
 from mbstudio.core.imaging.fast.refine import Refinement
 from mbstudio.core.imaging.fast.relocation import relocate
 
@@ -61,8 +63,11 @@ class Descent:
             return ""
         self._before = (rms, self._search.control)
         moved = max(1, round(self._share * self._search.control.shape[1]))
-        relocate(self._search, moved, self._rng)
         self._relocations -= 1
+        if isinstance(self._search, BlockRefinement):
+            moved = relocate_in_blocks(self._search, moved, self._rng)
+        else:
+            relocate(self._search, moved, self._rng)
         return f"{moved} control points moved to where the surface was worst"
 
     def is_over(self, step: int, rms: float, *, advanced: bool) -> bool:

@@ -135,8 +135,6 @@ class FastFit(StepRun):
 
     def _descend(self, count: int, last: int, *, relocates: bool = True) -> Iterator[SearchStep]:
         """Yield steps until `count`, or until progress stops; control points are relocated on the way."""
-        # What a relocation costs, the normal equations of all control points, blocks do without.
-        relocates = relocates and not isinstance(self.refinement, BlockRefinement)
         descent = Descent(
             self.refinement, count, n=self.n, seed=self.seed, rms=self._rms[-1], relocates=relocates
         )

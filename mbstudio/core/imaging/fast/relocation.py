@@ -24,14 +24,14 @@ from mbstudio.core.imaging.fast.levenberg_marquardt import add_normal_matrix, ja
 from mbstudio.core.imaging.fast.refine import Refinement
 
 _PLACES = 100  # surface points below which a new control point may come
-_DEPTHS = (1.0, 2.0, 4.0)  # of the new control points, times the least depth
-_SMALLEST, _LARGEST = 0.05, 0.5  # sqrt(k) of a new control point, times its depth
-_STEEPEST = 1e6  # change of a distance with k, in working lengths, of a place too near to a surface point
+DEPTHS = (1.0, 2.0, 4.0)  # of the new control points, times the least depth
+SMALLEST, LARGEST = 0.05, 0.5  # sqrt(k) of a new control point, times its depth
+STEEPEST = 1e6  # change of a distance with k, in working lengths, of a place too near to a surface point
 _MOST_OFFSET = 0.05  # that a control point moves to make up for those taken away
 
 
 @compiled(error_model="numpy")
-def _solve_lower(factor: np.ndarray, columns: np.ndarray) -> None:
+def solve_lower(factor: np.ndarray, columns: np.ndarray) -> None:
     """Solve factor x = columns in place, 32 columns at a time."""
     size, total = columns.shape
     part = np.empty((size, 32))
@@ -51,7 +51,7 @@ def _solve_lower(factor: np.ndarray, columns: np.ndarray) -> None:
                 columns[i, start + c] = row[c]
 
 
-def _solve(
+def solve(
     matrix: np.ndarray, damping: np.ndarray, force: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return Cholesky factor, solution of (matrix + damping) x = -force, and the damping that it took."""
@@ -87,11 +87,11 @@ def without_the_least_useful(search: Refinement, count: int) -> Float64[np.ndarr
     n = search.control.shape[1]
     diagonal = np.diagonal(matrix)
     damping = 1e-5 * diagonal + 1e-6 * diagonal.mean()
-    factor, _, damping = _solve(matrix, damping, np.zeros(4 * n))
+    factor, _, damping = solve(matrix, damping, np.zeros(4 * n))
     # The inverse's block of the ln k is the Gram matrix of these columns.
     columns = np.zeros((4 * n, n))
     np.fill_diagonal(columns, 1.0)
-    _solve_lower(factor, columns)
+    solve_lower(factor, columns)
     dropped: list[int] = []
     left = columns.copy()
     for _ in range(count):
@@ -105,7 +105,7 @@ def without_the_least_useful(search: Refinement, count: int) -> Float64[np.ndarr
     inverse = np.array([(columns[:, dropped] * columns[:, [i]]).sum(axis=0) for i in dropped])
     force = np.zeros(4 * n)
     force[dropped] = np.linalg.solve(inverse, np.ones(count))
-    _, step, _ = _solve(matrix, damping, force)
+    _, step, _ = solve(matrix, damping, force)
     moved = search.control.copy()
     moved[3] *= np.exp(np.clip(step[:n], -0.3, 0.3))
     moved[:3] += np.clip(step[n:].reshape(3, n), -_MOST_OFFSET, _MOST_OFFSET)
@@ -125,7 +125,7 @@ def _most_useful(
     by_weight = np.empty((4 * tried, m), dtype=np.float32)
     jacobian_of_rows(points, unit, slope, by_weight)
     # In a groove the place below one wall may lie on the other: nothing is to be gained there.
-    by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < _STEEPEST)] = 0.0
+    by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < STEEPEST)] = 0.0
     rows[4 * n : 4 * n + tried] = by_weight[:tried]
     matrix, gradient = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
     add_normal_matrix(rows, residual, matrix, gradient)
@@ -133,36 +133,37 @@ def _most_useful(
     old = np.ascontiguousarray(matrix[: 4 * n, : 4 * n])
     diagonal = np.diagonal(old)
     damping = 1e-3 * diagonal + 1e-4 * diagonal.mean()
-    factor, _, _ = _solve(old, damping, gradient[: 4 * n])
+    factor, _, _ = solve(old, damping, gradient[: 4 * n])
     shared = np.ascontiguousarray(
         np.hstack([matrix[4 * n : 4 * n + tried, : 4 * n].T, gradient[: 4 * n, None]])
     )
-    _solve_lower(factor, shared)
+    solve_lower(factor, shared)
     new_ones = slice(4 * n, 4 * n + tried)
-    gram, down = _symmetric(matrix[new_ones, new_ones]), gradient[new_ones].copy()
+    gram, down = symmetric(matrix[new_ones, new_ones]), gradient[new_ones].copy()
     own = np.diagonal(gram).copy()
-    taken, taken_down = _products(shared[:, :tried].T, shared[:, tried])
+    taken, taken_down = products(shared[:, :tried].T, shared[:, tried])
     gram -= taken
     down -= taken_down
-    chosen = _pursue(gram.copy(), down.copy(), own, count)
+    chosen, _ = pursue(gram.copy(), down.copy(), own, count)
     weights = -np.linalg.solve(gram[np.ix_(chosen, chosen)], down[chosen])
     depth = search.depth_of(places[:, chosen])
-    weights = np.clip(weights, (_SMALLEST * depth) ** 2, (_LARGEST * depth) ** 2)
+    weights = np.clip(weights, (SMALLEST * depth) ** 2, (LARGEST * depth) ** 2)
     return np.vstack([places[:, chosen], weights])
 
 
-def _symmetric(lower: np.ndarray) -> np.ndarray:
+def symmetric(lower: np.ndarray) -> np.ndarray:
+    """Return the symmetric matrix of which a lower triangle is given."""
     symmetric: np.ndarray = np.tril(lower) + np.tril(lower, -1).T
     return symmetric
 
 
-def _products(rows: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def products(rows: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rows rows^T and rows vector; not by a matrix product, whose rounding could depend on threads."""
     padded = np.zeros((len(rows) + (-len(rows)) % 4, rows.shape[1]))
     padded[: len(rows)] = rows
     matrix, product = np.zeros((len(padded), len(padded))), np.zeros(len(padded))
     add_normal_matrix(padded, vector.copy(), matrix, product)
-    return _symmetric(matrix[: len(rows), : len(rows)]), product[: len(rows)]
+    return symmetric(matrix[: len(rows), : len(rows)]), product[: len(rows)]
 
 
 def _candidates(
@@ -174,7 +175,7 @@ def _candidates(
         len(residual), min(_PLACES, len(residual)), replace=False, p=share / share.sum(), shuffle=False
     )
     tried = []
-    for times in _DEPTHS:
+    for times in DEPTHS:
         surface = points[:, chosen].astype(np.float64)
         places, depth = surface.copy(), np.full(len(chosen), times * search.soft_depth)
         push_in(search.prepared, places, depth, surface)
@@ -182,9 +183,27 @@ def _candidates(
     return np.hstack(tried)
 
 
-def _pursue(gram: np.ndarray, down: np.ndarray, own: np.ndarray, count: int) -> np.ndarray:
-    """Return the candidates that lower the sum of squares most, one after the other, with k > 0."""
+def pursue(gram: np.ndarray, down: np.ndarray, own: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the candidates that lower the sum of squares most, one after the other, with k > 0.
+
+    Parameters
+    ----------
+    gram, down : float arrays, shapes (t, t) and (t,)
+        Normal matrix and gradient of the candidates, less what the control points there are can do; both are
+        used up.
+    own : float array, shape (t,)
+        Diagonal of the matrix before that.
+    count : int
+
+    Returns
+    -------
+    chosen : int array
+        At most `count` of the candidates.
+    gains : float array
+        By how much each lowers twice the sum of squares' half, with those before it there.
+    """
     chosen: list[int] = []
+    gains: list[float] = []
     for _ in range(count):
         left = np.diagonal(gram)
         usable = (down < 0) & (left > 1e-3 * own)
@@ -194,7 +213,8 @@ def _pursue(gram: np.ndarray, down: np.ndarray, own: np.ndarray, count: int) -> 
         gain = np.where(usable, down**2 / np.maximum(left, 1e-30), -1.0)
         best = int(gain.argmax())
         chosen.append(best)
+        gains.append(float(gain[best]))
         column = gram[:, best] / gram[best, best]
         down -= column * down[best]
         gram -= column[:, None] * gram[best]
-    return np.array(chosen, dtype=int)
+    return np.array(chosen, dtype=int), np.array(gains)

@@ -7,7 +7,10 @@ import pytest
 
 from mbstudio.core.grains import Grain
 from mbstudio.core.imaging import fit
-from mbstudio.core.imaging.fast.block_refine import BLOCK, BlockRefinement, _Part, _Sums, blocks, field_at
+from mbstudio.core.imaging.depths import depths_of
+from mbstudio.core.imaging.fast import block_relocation
+from mbstudio.core.imaging.fast.block_refine import BLOCK, BlockRefinement, Part, Sums, blocks, field_at
+from mbstudio.core.imaging.fast.block_relocation import relocate_in_blocks
 from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
 from mbstudio.core.imaging.preprocess import PreparedGrain, prepare
 from mbstudio.core.imaging.run import cluster_spheres
@@ -35,6 +38,10 @@ def begin(kind: type[Refinement], prepared: PreparedGrain, **settings: float) ->
     return search
 
 
+def prepared_depths(prepared: PreparedGrain, control: np.ndarray) -> np.ndarray:
+    return depths_of(prepared, control[:3])[0]
+
+
 @pytest.mark.parametrize("count", [1, 7, 40, 41, 333])
 def test_blocks_are_neighbours_and_hold_every_point_once(count: int) -> None:
     places = np.random.default_rng(count).normal(size=(3, count))
@@ -60,7 +67,7 @@ def test_the_gradient_of_a_block_is_that_of_its_rows(prepared: PreparedGrain, ar
         assert search.solid.bend.any()
     search._measure_scale(search.control.astype(np.float32))
     (block, *_) = blocks(search.control[:3], BLOCK, np.random.default_rng(0))
-    part = _Part(search, block, _Sums(search), offset=1)
+    part = Part(search, block, Sums(search), offset=1)
     at = part.rows(part.begun)
     _, gradient = part.normal_equations(at)
     rng, n = np.random.default_rng(4), len(block)
@@ -84,7 +91,7 @@ def test_the_gradient_of_a_block_is_that_of_its_rows(prepared: PreparedGrain, ar
 def test_sums_follow_the_blocks(prepared: PreparedGrain) -> None:
     search = begin(BlockRefinement, prepared)
     search._measure_scale(search.control.astype(np.float32))
-    sums = _Sums(search)
+    sums = Sums(search)
     before = search.control.copy()
     for block in blocks(search.control[:3], BLOCK, np.random.default_rng(0)):
         search._move(block, sums)
@@ -128,3 +135,46 @@ def test_a_fit_of_many_control_points_is_valid_true_and_repeatable(grain: Grain)
     at_once = fit(grain, 160, seed=3, blocks_from=161)
     assert (found.avatar.centers != at_once.avatar.centers).any()
     assert found.verdict.rms < 1.15 * at_once.verdict.rms
+
+
+def test_useless_control_points_move_to_where_they_help(prepared: PreparedGrain) -> None:
+    search = begin(BlockRefinement, prepared)
+    for _ in range(10):
+        search.advance()
+    # Ten control points of no weight, heaped up in the middle.
+    idle = search.control.copy()
+    middle = idle[:3, prepared_depths(prepared, idle).argmax()]
+    idle[:3, :10] = middle[:, None] + np.random.default_rng(0).normal(0, 0.01, (3, 10))
+    idle[3, :10] = 1e-5
+    search.set_control(idle)
+    before = search.rms()
+    moved = relocate_in_blocks(search, 10, np.random.default_rng(1))
+    assert 8 <= moved <= 10
+    gone = ~np.isin(idle[0], search.control[0])
+    assert gone[:10].sum() >= 8, "those that do nothing go first"
+    assert search.depth_of(search.control[:3][:, gone]).min() > 0.8 * search.hard_depth
+    for _ in range(4):
+        search.advance()
+    assert search.rms() < 0.95 * before
+
+
+def test_nothing_moves_where_nothing_is_gained(prepared: PreparedGrain, monkeypatch) -> None:
+    search = begin(BlockRefinement, prepared)
+    for _ in range(5):
+        search.advance()
+    monkeypatch.setattr(block_relocation, "_losses", lambda matrix: np.full(len(matrix) // 4, 1e9))
+    before = search.control.copy()
+    assert relocate_in_blocks(search, 10, np.random.default_rng(1)) == 0
+    np.testing.assert_array_equal(search.control, before)
+
+
+def test_losses_of_a_block_are_those_of_the_quadratic_form() -> None:
+    rows = np.random.default_rng(2).normal(size=(40, 12))
+    matrix = rows.T @ rows
+    found = block_relocation._losses(matrix)
+    for i in range(3):
+        # The least of p M p with p_i = -1, the others free.
+        others = [a for a in range(12) if a != i]
+        free = np.linalg.solve(matrix[np.ix_(others, others)], matrix[others, i])
+        least = matrix[i, i] - matrix[i, others] @ free
+        assert found[i] == pytest.approx(least, rel=1e-3)
