@@ -18,6 +18,7 @@ _TITLES = {
     "beta1": mark("Beta1"),
     "beta2": mark("Beta2"),
     "binary": mark("Binary files"),
+    "blocks_from": mark("In blocks from"),
     "cavities": mark("Cavities"),
     "cells": mark("Cells across"),
     "classes": mark("Sizes in a specimen"),

@@ -30,7 +30,7 @@ def test_it_is_built_when_it_is_opened(form):
     assert "E_gs" in fields["generations"].toolTip()
     assert form.taken == []
     form.show_options("fast", {"working_side": 90})
-    assert sorted(form.fields) == ["cavities", "generations", "hull_points", "working_side"]
+    assert sorted(form.fields) == ["blocks_from", "cavities", "generations", "hull_points", "working_side"]
     assert form.fields["working_side"].value() == 90
 
 
