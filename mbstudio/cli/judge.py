@@ -12,7 +12,8 @@ import typer
 
 from mbstudio.cli import console, inputs
 from mbstudio.cli.measure import require_table_output
-from mbstudio.cli.surfaces import CLONES_TABLE, surfaces_of_clones
+from mbstudio.cli.surfaces import surfaces_of_clones
+from mbstudio.core.cloning.clones_table import CLONES_TABLE
 from mbstudio.core.errors import MbstudioError
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from mbstudio.core.cloning.surface_generation import SurfaceGeneration
 
 FACTORS_TABLE = "factors.csv"
-CLONES_TABLE = "clones.csv"
 
 
 def learn_surface_style(
@@ -122,6 +121,7 @@ def generate_surface_clones(
 
 def surfaces_of_clones(folder: Path) -> list[Path] | None:
     """Return the surfaces of record of a folder of such clones; None of any other."""
+    from mbstudio.core.cloning.clones_table import CLONES_TABLE
     from mbstudio.core.dem.manifest import FILE_NAME, read_manifest
 
     if not (folder / FILE_NAME).is_file():
@@ -134,29 +134,15 @@ def surfaces_of_clones(folder: Path) -> list[Path] | None:
 
 
 def _rms(found: SurfaceGeneration) -> pd.Series:
+    from mbstudio.core.cloning.clones_table import clones_table
+
     return clones_table(found)["avatar_rms"]
-
-
-def clones_table(found: SurfaceGeneration) -> pd.DataFrame:
-    """Return what each clone was made of, and how far its metaball is from its surface, in D_n."""
-    import pandas as pd
-
-    fitted = [clone.fitted for clone in found.clones]
-    return pd.DataFrame(
-        {
-            "name": [clone.name for clone in found.clones],
-            "parent": [clone.parent for clone in found.clones],
-            "diameter": [clone.recipe.diameter for clone in found.clones],
-            "avatar_rms": [entry.rms if entry else float("nan") for entry in fitted],
-            "avatar_volume_error": [entry.volume_error if entry else float("nan") for entry in fitted],
-            "avatar_valid": [bool(entry and entry.valid) for entry in fitted],
-        }
-    )
 
 
 def _write(found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: bool) -> None:
     from trimesh.exchange.ply import export_ply
 
+    from mbstudio.core.cloning.clones_table import CLONES_TABLE, clones_table
     from mbstudio.core.dem import export
     from mbstudio.core.units import conversion_factor
 

@@ -19,13 +19,13 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
+from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.scene.label_net import label_net, vertex_normals
 
 if TYPE_CHECKING:
     import trimesh
 
     from mbstudio.core.grains import Grain, GrainSet
-    from mbstudio.core.metaball import Avatar
 
 LABEL_ARRAY = "label"
 
@@ -112,6 +112,42 @@ def avatar_surface(avatar: Avatar, cells: int = 64) -> Surface:
     return Surface(
         points.astype(np.float32), np.asarray(mesh.faces, dtype=np.int64), normals.astype(np.float32)
     )
+
+
+def surface_of_body(body: Avatar | trimesh.Trimesh, cells: int = 64, most: int | None = None) -> Surface:
+    """Return the surface of an avatar, or a mesh as it is.
+
+    Parameters
+    ----------
+    body : Avatar or trimesh.Trimesh
+    cells : int
+        Along the longest side of an avatar.
+    most : int, optional
+        Triangles of a mesh above which a coarser one is shown in its place.
+    """
+    if isinstance(body, Avatar):
+        return avatar_surface(body, cells)
+    points, triangles = np.asarray(body.vertices, dtype=float), np.asarray(body.faces, dtype=np.int64)
+    if most is not None and len(triangles) > most:
+        points, triangles = _coarser(points, triangles, most)
+    return Surface(points.astype(np.float32), triangles, vertex_normals(points, triangles))
+
+
+def _coarser(points: np.ndarray, triangles: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a surface to look at from afar: corners in one cell of a grid become their mean.
+
+    Vertex clustering (Rossignac & Borrel 1993): fast, and good enough where a triangle is a few pixels.
+    """
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    # Triangles of a clustered surface are about twice its cells, which lie on a shell.
+    side = float(np.cbrt(np.prod(size))) * math.sqrt(2 * math.pi / most)
+    cells = np.floor((points - low) / side).astype(np.int64)
+    _, place, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    place = place.ravel()
+    middle = np.stack([np.bincount(place, points[:, axis]) for axis in range(3)], axis=1) / count[:, None]
+    coarse = place[triangles]
+    apart = (coarse != np.roll(coarse, 1, axis=1)).all(axis=1)
+    return middle, coarse[apart]
 
 
 def avatars_surface(avatars: Iterable[Avatar], cells: int = 24) -> Surface:

@@ -28,6 +28,8 @@ from mbstudio.ui.kept_settings import files_that_exist
 from mbstudio.ui.language import tr
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+    from mbstudio.core.cloning.surface_style import SurfaceStyle
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
 
@@ -103,9 +105,19 @@ class Workspace(QObject):
         return self.state.style
 
     @property
-    def clones(self) -> Generation | None:
-        """The clones made last; None before there are any."""
-        return self.state.clones
+    def surfaces(self) -> SurfaceStyle | None:
+        """The style of surfaces that stands in place of a style-learner; None where there is none."""
+        return self.state.surfaces
+
+    @property
+    def has_style(self) -> bool:
+        """Whether clones can be made: there is a style, of whichever kind."""
+        return self.state.style is not None or self.state.surfaces is not None
+
+    @property
+    def clones(self) -> Generation | SurfaceGeneration | None:
+        """The clones made last, of whichever style; None before there are any."""
+        return self.state.new_grains
 
     @property
     def is_modified(self) -> bool:
@@ -116,7 +128,7 @@ class Workspace(QObject):
     def can_be_saved(self) -> bool:
         """Whether there is something that a project file is worth: a scan, grains, a style or kept grains."""
         state = self.state
-        found = (state.scan, state.grains, state.style)
+        found = (state.scan, state.grains, state.style, state.surfaces)
         return any(one is not None for one in found) or bool(state.kept)
 
     @property
@@ -236,11 +248,21 @@ class Workspace(QObject):
 
     def use_style(self, learner: StyleLearner | None, title: str = "") -> None:
         """Work with another style-learner, as one step of undo; clones of the one before go."""
-        self.change(title or tr("Learn style"), style=learner, clones=None)
+        self.change(
+            title or tr("Learn style"), style=learner, clones=None, surfaces=None, surface_clones=None
+        )
+
+    def use_surfaces(self, style: SurfaceStyle, title: str = "") -> None:
+        """Work with a style of surfaces from now on, as one step of undo; clones of the one before go."""
+        self.change(title or tr("Learn style"), style=None, clones=None, surfaces=style, surface_clones=None)
 
     def use_clones(self, clones: Generation | None, title: str = "") -> None:
         """Take over clones, as one step of undo."""
         self.change(title or tr("Generate clones"), clones=clones)
+
+    def use_surface_clones(self, clones: SurfaceGeneration, title: str = "") -> None:
+        """Take over clones of surfaces, as one step of undo."""
+        self.change(title or tr("Generate clones"), surface_clones=clones)
 
     def change_fit_settings(self, **changes: Any) -> None:
         """Change what the next fit will use."""
@@ -439,9 +461,9 @@ class Workspace(QObject):
             self.grains_changed.emit()
         if all_of_it or now.fits is not before.fits:
             self.fits_changed.emit()
-        if all_of_it or now.style is not before.style:
+        if all_of_it or now.style is not before.style or now.surfaces is not before.surfaces:
             self.style_changed.emit()
-        if all_of_it or now.clones is not before.clones:
+        if all_of_it or now.new_grains is not before.new_grains:
             before_clone, self.clone = self.clone, None
             self.clones_changed.emit()
             if before_clone is not None:

@@ -198,6 +198,7 @@ def test_the_groups_of_the_project_file(tmp_path, two_grains):
     named = {f"/{name.split('/')[0]}" for name in re.findall(r"`/([\w/]+)`", text)}
     assert written <= named
     assert named - written <= {
-        "/scan", "/segmentation", "/style", "/clones", "/kept", "/strokes", "/classifier",
+        "/scan", "/segmentation", "/style", "/clones", "/surfaces", "/surface_clones", "/kept", "/strokes",
+        "/classifier",
     }  # fmt: skip
     assert f"The format is number {SCHEMA}." in " ".join(text.split())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,15 +25,19 @@ _TRIED = 6
 
 
 def fit_parents(
-    style: SurfaceStyle, n: int | None = None, *, processes: int = 1, progress: Progress | None = None
-) -> SurfaceStyle:
+    style: SurfaceStyle, n: int | None = None, *, known: Sequence[SurfaceAvatar] = (), processes: int = 1,
+    progress: Progress | None = None,
+) -> SurfaceStyle:  # fmt: skip
     """Return a style with an avatar of each parent.
 
     Parameters
     ----------
     style : SurfaceStyle
     n : int, optional
-        Control points. By default 40 where these leave little of smooth grains, else 120.
+        Control points. By default those of `known`, else 40 where these leave little of smooth grains, else
+        120.
+    known : sequence of SurfaceAvatar, optional
+        Of the first parents, which are not fitted again.
     processes : int
     progress : callable, optional
         ``progress(share, message)``; what it raises ends the work.
@@ -44,7 +48,9 @@ def fit_parents(
         If a parent has no avatar.
     """
     report = progress or (lambda _share, _words: None)
-    tried: dict[int, SurfaceAvatar] = {}
+    tried: dict[int, SurfaceAvatar] = dict(enumerate(known))
+    if n is None and known:
+        n = len(known[0].avatar.weights)
     if n is None:
         rows = np.unique(np.linspace(0, len(style.parents) - 1, _TRIED).round().astype(int)).tolist()
         found = _fit(
@@ -55,7 +61,7 @@ def fit_parents(
         tried = dict(zip(rows, found, strict=True)) if few else {}
     rows = [row for row in range(len(style.parents)) if row not in tried]
     words = f"fitting {n} control points"
-    found = _fit(style, rows, n, processes, lambda share: report(0.1 + 0.9 * share, words))
+    found = _fit(style, rows, n, processes, lambda share: report(0.1 + 0.9 * share, words)) if rows else []
     every = tried | dict(zip(rows, found, strict=True))
     return replace(style, avatars=tuple(every[row] for row in range(len(style.parents))))
 

@@ -145,20 +145,51 @@ class ParentSurface:
         vertices: np.ndarray = self.vertices * self.semi_axes
         return vertices
 
+    def mesh(self) -> trimesh.Trimesh:
+        """Return the body in its principal frame, in its unit."""
+        import trimesh
+
+        mesh = trimesh.Trimesh(self.body_vertices() * self.diameter, self.faces, process=False)
+        mesh.units = self.unit
+        mesh.metadata["name"] = self.name
+        return mesh
+
+
+def coarser(parent: ParentSurface, most: int | None) -> ParentSurface:
+    """Return a stand-in of about so many triangles at most, or the parent where it has no more than that."""
+    if most is None or len(parent.faces) <= most:
+        return parent
+    found = _with_fewer(parent.vertices, parent.faces, most, np.geomspace(1e-3, 5e-2, 8))
+    if found is None:
+        return parent
+    isotropic, _ = make_isotropic(*found)
+    return ParentSurface(parent.name, isotropic, found[1], parent.semi_axes, parent.diameter, parent.unit)
+
 
 def _simplified(vertices: Points, faces: Faces, diameter: float, name: str) -> tuple[Points, Faces]:
     """Return a surface of fewer triangles, within 0.3 % of D_n of the old one."""
-    import manifold3d
-
-    mesh = manifold3d.Mesh64(vertices.astype(np.float64), faces.astype(np.uint64))
-    solid = manifold3d.Manifold(mesh)
-    if solid.status() == manifold3d.Error.NoError:
-        for tolerance in np.geomspace(1e-4, _MOST_SIMPLIFIED, 6) * diameter:
-            simple = solid.simplify(float(tolerance))
-            if simple.num_tri() <= MOST_FACES:
-                found = simple.to_mesh64()
-                return np.array(found.vert_properties)[:, :3], np.array(found.tri_verts).astype(np.int64)
+    found = _with_fewer(vertices, faces, MOST_FACES, np.geomspace(1e-4, _MOST_SIMPLIFIED, 6) * diameter)
+    if found is not None:
+        return found
     raise CloningError(
         f"{name} has {len(faces):,} triangles, more than {MOST_FACES:,}, and too rough a surface to do with "
         "fewer: simplify the mesh first."
     )
+
+
+def _with_fewer(
+    vertices: Points, faces: Faces, most: int, tolerances: Float[np.ndarray, " t"]
+) -> tuple[Points, Faces] | None:
+    """Return the surface with few enough triangles at the least tolerance, None where none is enough."""
+    import manifold3d
+
+    mesh = manifold3d.Mesh64(vertices.astype(np.float64), faces.astype(np.uint64))
+    solid = manifold3d.Manifold(mesh)
+    if solid.status() != manifold3d.Error.NoError:
+        return None
+    for tolerance in tolerances:
+        simple = solid.simplify(float(tolerance))
+        if simple.num_tri() <= most:
+            found = simple.to_mesh64()
+            return np.array(found.vert_properties)[:, :3], np.array(found.tri_verts).astype(np.int64)
+    return None

@@ -26,6 +26,7 @@ _LEAST_STRETCH = 1.08
 _NEAR, _COPY, _TOO_FAR = 2.0, 10.0, 100.0
 """Costs of a small turn, of changing a parent too little, of stretching it too much; others cost 0 to 1."""
 _WARP_TRIES = 40
+_HALVINGS = 5
 _SHELLS = (1.0, 0.6, 0.3)
 
 
@@ -128,6 +129,19 @@ def _draw_warp(
     raise CloningError(
         f"Warps of strength {options.warping:g} fold {style.parents[row].name}: ask for less warping."
     )
+
+
+def gentle_share(vertices: np.ndarray, style: SurfaceStyle, shares: Float[np.ndarray, " modes"]) -> float:
+    """Return how much of a warp a body takes, one at most, before it folds or is stretched too much."""
+    most = CloneOptions().local_stretch
+    if _is_gentle(vertices, style.warp(shares), most):
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        fits = _is_gentle(vertices, style.warp(middle * shares), most)
+        low, high = (middle, high) if fits else (low, middle)
+    return low
 
 
 def _is_gentle(vertices: np.ndarray, coefficients: np.ndarray, most: float) -> bool:

@@ -46,6 +46,8 @@ class SurfaceClone:
     unit : str
     fitted : SurfaceAvatar or None
         The metaball, with how far it is from the surface; None where none was asked for.
+    shaped : str
+        What was done by hand beyond the recipe, in words; empty for a clone that was drawn.
     """
 
     name: str
@@ -54,6 +56,7 @@ class SurfaceClone:
     parent: str
     unit: str
     fitted: SurfaceAvatar | None = None
+    shaped: str = ""
 
     def mesh(self) -> trimesh.Trimesh:
         """Return the surface of record as a mesh with its unit."""
@@ -92,6 +95,37 @@ class SurfaceGeneration:
 
     def __len__(self) -> int:
         return len(self.clones)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the clones."""
+        return tuple(clone.name for clone in self.clones)
+
+    @property
+    def unit(self) -> str:
+        """Canonical length unit of the clones."""
+        return self.clones[0].unit
+
+    def body(self, row: int) -> trimesh.Trimesh:
+        """Return what one clone is: its surface of record, in its principal frame."""
+        return self.clones[row].mesh()
+
+    def scaled(self, factor: float) -> SurfaceGeneration:
+        """Return the clones with all lengths multiplied; the table of factors stays as it is."""
+
+        def scale(clone: SurfaceClone) -> SurfaceClone:
+            fitted = clone.fitted
+            if fitted is not None:
+                ball = fitted.avatar
+                grown = replace(ball, centers=ball.centers * factor, weights=ball.weights * factor**2)
+                fitted = replace(fitted, avatar=grown)
+            return replace(
+                clone, surface=Surface(clone.surface.vertices * factor, clone.surface.faces), fitted=fitted,
+                recipe=replace(clone.recipe, diameter=clone.recipe.diameter * factor),
+            )  # fmt: skip
+
+        # What was asked for was asked in other lengths.
+        return replace(self, clones=tuple(map(scale, self.clones)), reached=())
 
     def meshes(self) -> list[trimesh.Trimesh]:
         """Return the surfaces of record."""
@@ -248,12 +282,7 @@ class _Run:
         raise self._refusal(wanted, count, factors)
 
     def _moments_of_parents(self) -> Moments:
-        meshes = [
-            trimesh.Trimesh(parent.body_vertices() * parent.diameter, parent.faces, process=False)
-            for parent in self.style.parents
-        ]
-        for mesh in meshes:
-            mesh.units = self.style.unit
+        meshes = [parent.mesh() for parent in self.style.parents]
         known = measure_population(meshes, unit=self.style.unit, workers=0)
         values = np.stack([known.column(name) for name in BALANCED_FACTORS], axis=1)
         return Moments.from_values(values[np.isfinite(values).all(axis=1)])

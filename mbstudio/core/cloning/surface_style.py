@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Float64
 
-from mbstudio.core.cloning.kernel_warp import FLIPS, Coefficients, lattice
+from mbstudio.core.cloning.kernel_warp import FLIPS, Coefficients, lattice, weights_at
 from mbstudio.core.cloning.parent_surface import ParentSurface
 from mbstudio.core.cloning.registration import Registration, SurfaceTarget, flip_coefficients, register
 from mbstudio.core.cloning.surface_avatar import SurfaceAvatar
@@ -79,10 +79,25 @@ class SurfaceStyle:
         """Length unit of sizes."""
         return self.parents[0].unit
 
+    def scaled(self, factor: float) -> SurfaceStyle:
+        """Return this style with all sizes multiplied; forms and warps know none."""
+        parents = tuple(replace(parent, diameter=parent.diameter * factor) for parent in self.parents)
+        return replace(self, parents=parents)
+
     @property
     def forms(self) -> Float64[np.ndarray, "parents 3"]:
         """Logarithms of the parents' semi-axes, each over their geometric mean."""
         return np.stack([parent.log_form for parent in self.parents])
+
+    @property
+    def warp_strength(self) -> float:
+        """Root mean square displacement of warps of strength 1, at the parents' surfaces, in D_n."""
+        squares = []
+        for parent in self.parents:
+            weights = weights_at(parent.vertices[:: max(1, len(parent.vertices) // 200)])
+            moved = np.einsum("pm,kmi->kpi", weights, self.modes) * parent.semi_axes
+            squares.append(np.square(moved).sum(axis=(0, 2)).mean())
+        return float(np.sqrt(np.mean(squares)))
 
     @property
     def log_diameters(self) -> Float64[np.ndarray, " parents"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,19 @@ def save_surface_style(style: SurfaceStyle, folder: str | Path) -> Path:
     CloningError
         If the folder cannot be written.
     """
+    return _FOLDER.write(Path(folder), style_entries(style), style_tensors(style))
+
+
+def style_entries(style: SurfaceStyle) -> dict[str, Any]:
+    """Return what JSON can hold of a style, for any file that keeps one."""
+    return {
+        "names": [parent.name for parent in style.parents], "unit": style.unit, "misfit": style.misfit,
+        "mbstudio": __version__,
+    }  # fmt: skip
+
+
+def style_tensors(style: SurfaceStyle) -> Tensors:
+    """Return the numbers of a style, for any file that keeps one."""
     parents, avatars = style.parents, style.avatars
     tensors: Tensors = {
         "modes": style.modes,
@@ -49,18 +63,19 @@ def save_surface_style(style: SurfaceStyle, folder: str | Path) -> Path:
         "diameters": np.array([parent.diameter for parent in parents]),
     }
     if avatars:
-        tensors |= {
-            "avatars.centers": np.concatenate([entry.avatar.centers for entry in avatars]),
-            "avatars.weights": np.concatenate([entry.avatar.weights for entry in avatars]),
-            "avatars.counts": np.array([len(entry.avatar.weights) for entry in avatars], dtype=np.int64),
-            "avatars.errors": np.array([[entry.rms, entry.volume_error] for entry in avatars]),
-            "avatars.valid": np.array([entry.valid for entry in avatars], dtype=np.uint8),
-        }
-    entries = {
-        "names": [parent.name for parent in parents], "unit": style.unit, "misfit": style.misfit,
-        "mbstudio": __version__,
-    }  # fmt: skip
-    return _FOLDER.write(Path(folder), entries, tensors)
+        tensors |= avatar_tensors(avatars)
+    return tensors
+
+
+def avatar_tensors(avatars: Sequence[SurfaceAvatar]) -> Tensors:
+    """Return the numbers of metaballs fitted to surfaces, by names that begin with ``avatars.``."""
+    return {
+        "avatars.centers": np.concatenate([entry.avatar.centers for entry in avatars]),
+        "avatars.weights": np.concatenate([entry.avatar.weights for entry in avatars]),
+        "avatars.counts": np.array([len(entry.avatar.weights) for entry in avatars], dtype=np.int64),
+        "avatars.errors": np.array([[entry.rms, entry.volume_error] for entry in avatars]),
+        "avatars.valid": np.array([entry.valid for entry in avatars], dtype=np.uint8),
+    }
 
 
 def load_surface_style(folder: str | Path) -> SurfaceStyle:
@@ -77,7 +92,7 @@ def load_surface_style(folder: str | Path) -> SurfaceStyle:
     try:
         tensors, weights = _FOLDER.read_tensors(folder, entries)
         _FOLDER.require_finite(tensors, weights)
-        return _build(entries, tensors)
+        return build_surface_style(entries, tensors)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         told = " ".join(str(error).split())[:200]
         raise CloningError(
@@ -89,7 +104,14 @@ def load_surface_style(folder: str | Path) -> SurfaceStyle:
         raise CloningError(f"{path} cannot be used as a style of surfaces: {error}") from error
 
 
-def _build(entries: dict[str, Any], tensors: Tensors) -> SurfaceStyle:
+def build_surface_style(entries: Mapping[str, Any], tensors: Tensors) -> SurfaceStyle:
+    """Return the style of entries and finite numbers as a file holds them.
+
+    Raises
+    ------
+    CloningError, UnitError, AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError
+        If they belong to none.
+    """
     unit = parse_unit(str(entries["unit"]))
     names = entries["names"]
     counts = tensors["counts"]
@@ -100,7 +122,8 @@ def _build(entries: dict[str, Any], tensors: Tensors) -> SurfaceStyle:
     for name, wanted in (("semi_axes", (len(names), 3)), ("diameters", (len(names),))):
         if tensors[name].shape != wanted or not (tensors[name] > 0).all():
             raise ValueError(f"'{name}' of shape {tensors[name].shape}, or not positive")
-    vertices, faces = _split(tensors, "vertices", counts[:, 0]), _split(tensors, "faces", counts[:, 1])
+    vertices = split_rows(tensors, "vertices", counts[:, 0])
+    faces = split_rows(tensors, "faces", counts[:, 1])
     parents = tuple(
         _parent(name, corners, triangles.astype(np.int64), semi_axes, float(diameter), unit)
         for name, corners, triangles, semi_axes, diameter in zip(
@@ -110,10 +133,12 @@ def _build(entries: dict[str, Any], tensors: Tensors) -> SurfaceStyle:
     misfit = float(entries["misfit"])
     if not (np.isfinite(misfit) and misfit >= 0):
         raise ValueError(f"'misfit' {misfit}")
-    return SurfaceStyle(parents, tensors["modes"], misfit, _avatars(parents, tensors))
+    avatars = build_avatars([parent.name for parent in parents], unit, tensors)
+    return SurfaceStyle(parents, tensors["modes"], misfit, avatars)
 
 
-def _split(tensors: Tensors, name: str, counts: np.ndarray) -> list[np.ndarray]:
+def split_rows(tensors: Tensors, name: str, counts: np.ndarray) -> list[np.ndarray]:
+    """Return the rows of each of many bodies; ValueError if there are not so many, or not three columns."""
     array = tensors[name]
     if array.ndim != 2 or array.shape[1] != 3 or len(array) != int(counts.sum()):
         raise ValueError(f"'{name}' of shape {array.shape}")
@@ -123,25 +148,35 @@ def _split(tensors: Tensors, name: str, counts: np.ndarray) -> list[np.ndarray]:
 def _parent(
     name: str, vertices: np.ndarray, faces: np.ndarray, semi_axes: np.ndarray, diameter: float, unit: str
 ) -> ParentSurface:
+    require_closed(vertices, faces, name)
+    return ParentSurface(name, vertices, faces, semi_axes, diameter, unit)
+
+
+def require_closed(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
+    """Raise ValueError unless a surface is closed and wound outwards."""
     if len(faces) > MOST_FACES or faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError(f"the triangles of '{name}'")
     edges = EdgeTable.from_faces(faces)
     if not (edges.is_closed and edges.is_consistent and solid_moments(vertices, faces).volume > 0):
         raise ValueError(f"the surface of '{name}', which is not closed")
-    return ParentSurface(name, vertices, faces, semi_axes, diameter, unit)
 
 
-def _avatars(parents: tuple[ParentSurface, ...], tensors: Tensors) -> tuple[SurfaceAvatar, ...]:
+def build_avatars(names: Sequence[str], unit: str, tensors: Tensors) -> tuple[SurfaceAvatar, ...]:
+    """Return the metaballs of :func:`avatar_tensors`, one for each name; none where there are none.
+
+    Raises
+    ------
+    AvatarError, KeyError, ValueError
+        If they are damaged.
+    """
     if "avatars.counts" not in tensors:
         return ()
     counts, errors, valid = (tensors[f"avatars.{name}"] for name in ("counts", "errors", "valid"))
-    if counts.shape != (len(parents),) or errors.shape != (len(parents), 2) or valid.shape != (len(parents),):
+    if counts.shape != (len(names),) or errors.shape != (len(names), 2) or valid.shape != (len(names),):
         raise ValueError("'avatars'")
-    centers = _split(tensors, "avatars.centers", counts)
+    centers = split_rows(tensors, "avatars.centers", counts)
     weights = np.split(tensors["avatars.weights"], np.cumsum(counts)[:-1])
     return tuple(
-        SurfaceAvatar(
-            Avatar(places, k, parent.unit, name=parent.name), float(error[0]), float(error[1]), bool(sound)
-        )
-        for parent, places, k, error, sound in zip(parents, centers, weights, errors, valid, strict=True)
+        SurfaceAvatar(Avatar(places, k, unit, name=name), float(error[0]), float(error[1]), bool(sound))
+        for name, places, k, error, sound in zip(names, centers, weights, errors, valid, strict=True)
     )

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Each part is written only when something in it changed: packing the labels of a large scan takes seconds.
 PARTS: dict[str, tuple[str, ...]] = {
     "grains": ("scan", "segmentation", "grains"),
-    "style": ("style", "clones"),
+    "style": ("style", "clones", "surfaces", "surface_clones"),
     "work": ("fits", "outdated", "fit_settings"),
     "kept": ("kept",),
     "learning": ("strokes", "classifier"),
@@ -179,7 +179,7 @@ class Autosave:
             "saved": datetime.now(UTC).isoformat(timespec="seconds"),
             "grains": 0 if state.grains is None else len(state.grains),
             "fits": len(state.fits),
-            "clones": 0 if state.clones is None else len(state.clones),
+            "clones": 0 if state.new_grains is None else len(state.new_grains),
         }
         try:
             with replacing(self.folder / _NOTE) as temporary:

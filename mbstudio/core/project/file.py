@@ -1,7 +1,7 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
 The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
-it. Layout (schema 7); every text is UTF-8, nothing is pickled::
+it. Layout (schema 8); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
@@ -15,14 +15,15 @@ it. Layout (schema 7); every text is UTF-8, nothing is pickled::
     /grains/meshes   see mbstudio.core.project.mesh_table; only of grains of mesh files
     /fit_settings    attributes
     /fits            see mbstudio.core.project.fit_table; changed: grains edited since they were fitted
-    /style, /clones  see mbstudio.core.project.style_table; only where there are some
+    /style, /clones, /surfaces, /surface_clones
+                     see mbstudio.core.project.style_table; only where there are some
     /kept            see mbstudio.core.project.kept_table; only where there are some
     /strokes, /classifier  see mbstudio.core.project.classifier_table; only where there are some
     /log             titles of the changes that led here, oldest first; only where there are some
 
 Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans, schema 4 no
-meshes, schema 5 no corrections by hand, schema 6 neither strokes nor a classifier: a project is written in
-the lowest that holds it. No version minds a missing log.
+meshes, schema 5 no corrections by hand, schema 6 neither strokes nor a classifier, schema 7 no styles of
+surfaces: a project is written in the lowest that holds it. No version minds a missing log.
 """
 
 from __future__ import annotations
@@ -64,7 +65,16 @@ from mbstudio.core.project.sealed_file import open_sealed, warn_unsealed
 from mbstudio.core.project.state import LOGGED_CHANGES, FitSettings, ProjectState, ScanReference
 from mbstudio.core.project.stored import ContentError, Stored, json_entries
 from mbstudio.core.project.stored_reading import read_stored
-from mbstudio.core.project.style_table import read_clones, read_style, write_clones, write_style
+from mbstudio.core.project.style_table import (
+    read_clones,
+    read_style,
+    read_surface_clones,
+    read_surfaces,
+    write_clones,
+    write_style,
+    write_surface_clones,
+    write_surfaces,
+)
 from mbstudio.core.replacement import replacing
 from mbstudio.core.scan import Scan, voxel_digest
 from mbstudio.core.scan.excerpt import Excerpt
@@ -75,11 +85,11 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 7
+SCHEMA = 8
 _VOXELS = "scan/voxels"
 OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 """What numbers and JSON of another kind than expected lead to, wherever they are used."""
-_WITHOUT_STROKES, _WITHOUT_EDITS, _WITHOUT_MESHES = 6, 5, 4
+_WITHOUT_SURFACES, _WITHOUT_STROKES, _WITHOUT_EDITS, _WITHOUT_MESHES = 7, 6, 5, 4
 _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
 
 
@@ -232,8 +242,10 @@ def _accept(root: Mapping[str, Any], path: Path) -> None:
 
 def _lowest_schema(state: ProjectState) -> int:
     """Return the lowest schema that holds a state: what older versions would lose unseen keeps them away."""
-    if state.strokes or state.classifier is not None:
+    if state.surfaces is not None or state.surface_clones is not None:
         return SCHEMA
+    if state.strokes or state.classifier is not None:
+        return _WITHOUT_SURFACES
     if state.grains is not None and is_edited(state.grains):
         return _WITHOUT_STROKES
     if state.grains is not None and state.grains.meshes:
@@ -259,10 +271,7 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
     write_fits(file.create_group("fits"), state.fits)
     if state.changed_labels:
         file["fits"]["changed"] = np.array(sorted(state.changed_labels), dtype=np.int64)
-    if state.style is not None:
-        write_style(file.create_group("style"), state.style)
-    if state.clones is not None:
-        write_clones(file.create_group("clones"), state.clones)
+    _write_styles(file, state)
     if state.kept:
         write_kept(file.create_group("kept"), state.kept)
     if state.strokes:
@@ -271,6 +280,17 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         write_classifier(file.create_group("classifier"), state.classifier)
     if state.log:
         file.create_dataset("log", data=list(state.log), dtype=h5py.string_dtype("utf-8"))
+
+
+def _write_styles(file: h5py.File, state: ProjectState) -> None:
+    if state.style is not None:
+        write_style(file.create_group("style"), state.style)
+    if state.clones is not None:
+        write_clones(file.create_group("clones"), state.clones)
+    if state.surfaces is not None:
+        write_surfaces(file.create_group("surfaces"), state.surfaces)
+    if state.surface_clones is not None:
+        write_surface_clones(file.create_group("surface_clones"), state.surface_clones)
 
 
 def _read_state(stored: Stored, path: Path) -> ProjectState:
@@ -292,6 +312,10 @@ def _read_state(stored: Stored, path: Path) -> ProjectState:
         fit_settings=fit_settings,
         style=read_style(stored.group("style"), path) if "style" in stored else None,
         clones=read_clones(stored.group("clones"), path) if "clones" in stored else None,
+        surfaces=read_surfaces(stored.group("surfaces")) if "surfaces" in stored else None,
+        surface_clones=(
+            read_surface_clones(stored.group("surface_clones")) if "surface_clones" in stored else None
+        ),
         kept=read_kept(stored.group("kept")) if "kept" in stored else (),
         outdated=_read_outdated(stored.group("fits"), fits),
         strokes=read_strokes(stored.group("strokes")) if "strokes" in stored else (),

@@ -14,6 +14,8 @@ from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.project.state import ProjectState
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+    from mbstudio.core.cloning.surface_style import SurfaceStyle
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
@@ -87,6 +89,8 @@ def merge_states(base: ProjectState | None, ours: ProjectState, theirs: ProjectS
         kept=kept,
         style=styled.style,
         clones=styled.clones,
+        surfaces=styled.surfaces,
+        surface_clones=styled.surface_clones,
         fit_settings=settings,
         strokes=theirs.strokes if ours.strokes is begun.strokes else ours.strokes,
         classifier=theirs.classifier if ours.classifier is begun.classifier else ours.classifier,
@@ -140,14 +144,37 @@ def _merged_kept(
 
 def _styled(base: ProjectState, ours: ProjectState, theirs: ProjectState) -> ProjectState:
     """Return whose style-learner and clones stay, which belong together: those of who changed them."""
-    if ours.style is base.style and ours.clones is base.clones:
+    if all(getattr(ours, name) is getattr(base, name) for name in _STYLED):
         return theirs
     for other in (base, ours):
-        if _same_latents(theirs.style, other.style) and _same_latents(theirs.clones, other.clones):
+        if (
+            _same_latents(theirs.style, other.style)
+            and _same_latents(theirs.clones, other.clones)
+            and _same_surfaces(theirs.surfaces, other.surfaces)
+            and _same_surface_clones(theirs.surface_clones, other.surface_clones)
+        ):
             return ours
     raise ProjectError(
         "The file has another style-learner or other clones than these by now: save a copy, or open the file "
         "anew."
+    )
+
+
+_STYLED = ("style", "clones", "surfaces", "surface_clones")
+
+
+def _same_surfaces(one: SurfaceStyle | None, other: SurfaceStyle | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one.modes, other.modes) and np.array_equal(one.log_diameters, other.log_diameters)
+
+
+def _same_surface_clones(one: SurfaceGeneration | None, other: SurfaceGeneration | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return one.names == other.names and all(
+        np.array_equal(a.surface.vertices, b.surface.vertices)
+        for a, b in zip(one.clones, other.clones, strict=True)
     )
 
 

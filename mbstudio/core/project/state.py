@@ -14,6 +14,8 @@ from mbstudio.core.scan.excerpt import Excerpt
 from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+    from mbstudio.core.cloning.surface_style import SurfaceStyle
     from mbstudio.core.grains.classifying import Stroke, VoxelClassifier
     from mbstudio.core.grains.editing.editable import EditOutcome
     from mbstudio.core.grains.grain_set import GrainSet
@@ -91,6 +93,10 @@ class ProjectState:
         What was learned of the form of grains.
     clones : Generation or None
         New grains in a style, made last.
+    surfaces : SurfaceStyle or None
+        A style of surfaces in place of a style-learner.
+    surface_clones : SurfaceGeneration or None
+        New grains made last of those surfaces.
     kept : tuple of KeptGrain
         Grains shaped by hand, of any style-learner that the project had.
     outdated : mapping of int to FitResult
@@ -116,6 +122,13 @@ class ProjectState:
     strokes: tuple[Stroke, ...] = ()
     classifier: VoxelClassifier | None = None
     log: tuple[str, ...] = ()
+    surfaces: SurfaceStyle | None = None
+    surface_clones: SurfaceGeneration | None = None
+
+    @property
+    def new_grains(self) -> Generation | SurfaceGeneration | None:
+        """The clones made last, of whichever style the project has."""
+        return self.clones if self.clones is not None else self.surface_clones
 
     @property
     def changed_labels(self) -> frozenset[int]:

@@ -2,6 +2,8 @@
 
 ``/style`` has ``entries`` (JSON) and one dataset a tensor, by the names of a style-learner's own file;
 ``/clones`` has ``entries`` and the arrays of the clones, ``/clones/factors`` what was measured of them.
+``/surfaces`` has ``entries`` and the numbers of a style of surfaces as its own folder has them, and
+``/surface_clones`` the same of its clones: surfaces of record, recipes and metaballs, end to end.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from mbstudio.core.errors import ProjectError
 from mbstudio.core.project.stored import ContentError, Stored
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+    from mbstudio.core.cloning.surface_style import SurfaceStyle
     from mbstudio.core.populations import Population
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
@@ -106,6 +110,61 @@ def read_clones(stored: Stored, path: Path) -> Generation:
         Counts(**entries["counts"]), str(entries["how"]), float(entries["effective"]),
         tuple(Reached.from_record(figure) for figure in entries["reached"]), int(entries["seed"]),
     )  # fmt: skip
+
+
+def write_surfaces(group: h5py.Group, style: SurfaceStyle) -> None:
+    """Write a style of surfaces into an empty group."""
+    from mbstudio.core.cloning.surface_style_file import style_entries, style_tensors
+
+    _write_json(group, "entries", style_entries(style))
+    for name, array in style_tensors(style).items():
+        _write_array(group, name, array)
+
+
+def read_surfaces(stored: Stored) -> SurfaceStyle:
+    """Return the style of surfaces of a group.
+
+    Raises
+    ------
+    MbstudioError, ContentError, AttributeError, LookupError, TypeError, ValueError
+        If it is damaged.
+    """
+    from mbstudio.core.cloning.surface_style_file import build_surface_style
+
+    return build_surface_style(stored.entries("entries"), _tensors(stored))
+
+
+def write_surface_clones(group: h5py.Group, clones: SurfaceGeneration) -> None:
+    """Write clones of surfaces into an empty group."""
+    from mbstudio.core.cloning.surface_generation_file import generation_entries, generation_tensors
+
+    _write_json(group, "entries", generation_entries(clones))
+    for name, array in generation_tensors(clones).items():
+        _write_array(group, name, array)
+    _write_factors(group.create_group("factors"), clones.factors)
+
+
+def read_surface_clones(stored: Stored) -> SurfaceGeneration:
+    """Return the clones of surfaces of a group.
+
+    Raises
+    ------
+    MbstudioError, ContentError, AttributeError, LookupError, TypeError, ValueError
+        If they are damaged.
+    """
+    from mbstudio.core.cloning.surface_generation_file import build_generation
+
+    factors = _read_factors(stored.group("factors"))
+    return build_generation(stored.entries("entries"), _tensors(stored), factors)
+
+
+def _tensors(stored: Stored) -> dict[str, np.ndarray]:
+    """Return all numbers of a group, known to be finite."""
+    found = {name: stored.array(name) for name in stored.names() if name != "entries"}
+    for name, array in found.items():
+        if array.dtype.kind not in "iuf" or (array.dtype.kind == "f" and not np.isfinite(array).all()):
+            raise ContentError(f"{stored.path}/{name} holds values that are no finite numbers")
+    return found
 
 
 def _write_factors(group: h5py.Group, factors: Population) -> None:

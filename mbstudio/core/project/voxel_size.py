@@ -17,6 +17,7 @@ from mbstudio.core.project.state import ProjectState
 from mbstudio.core.units import VoxelSize, conversion_factor
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.surface_style import SurfaceStyle
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.metaball.avatar import Avatar
     from mbstudio.core.populations.population import Population
@@ -145,6 +146,12 @@ def _without_bodies(state: ProjectState, before: ProjectState) -> tuple[ProjectS
             found = replace(found, style=None, clones=None, kept=())
         else:
             notes.append(_OTHER_STYLE)
+    if state.surfaces is not None:
+        if _has_surfaces_of_these_grains(state.surfaces, before):
+            notes.append("The style of these grains and its clones go too.")
+            found = replace(found, surfaces=None, surface_clones=None)
+        else:
+            notes.append(_OTHER_STYLE)
     return found, tuple(notes)
 
 
@@ -157,6 +164,15 @@ def _with_scaled_bodies(
     fits = {label: _scaled_fit(fit, new.unit, factor) for label, fit in state.fits.items()}
     outdated = {label: fits[label] for label, fit in state.outdated.items() if state.fits.get(label) is fit}
     found = replace(state, fits=MappingProxyType(fits), outdated=MappingProxyType(outdated))
+    if state.surfaces is not None:
+        if not _has_surfaces_of_these_grains(state.surfaces, before):
+            return found, (_OTHER_STYLE,)
+        clones_of_surfaces = state.surface_clones
+        if clones_of_surfaces is not None:
+            factors = _scaled_population(clones_of_surfaces.factors, factor)
+            assert factors is not None
+            clones_of_surfaces = replace(clones_of_surfaces.scaled(factor), factors=factors)
+        return replace(found, surfaces=state.surfaces.scaled(factor), surface_clones=clones_of_surfaces), ()
     if state.style is None:
         return found, ()
     if not _is_of_these_grains(state.style, before):
@@ -214,6 +230,21 @@ def _is_of_these_grains(style: StyleLearner, state: ProjectState) -> bool:
         abs(diameter * to_own / own[name] - 1)
         for name, diameter in zip(style.parents.names, style.parents.diameters.tolist(), strict=True)
         if name in own
+    ]
+    known = 2 * len(differences) > len(style.parents)
+    return known and float(np.median(differences)) < _OF_THESE_GRAINS
+
+
+def _has_surfaces_of_these_grains(style: SurfaceStyle, state: ProjectState) -> bool:
+    """Whether a style of surfaces was learned from grains of the project, by their names and sizes."""
+    grains = state.grains
+    if grains is None:
+        return False
+    labels, volumes = grains.table["label"].tolist(), grains.table["volume"].to_numpy(float)
+    own = dict(zip((f"grain {label}" for label in labels), nominal_diameters(volumes).tolist(), strict=True))
+    to_own = conversion_factor(style.unit, grains.unit)
+    differences = [
+        abs(parent.diameter * to_own / own[parent.name] - 1) for parent in style.parents if parent.name in own
     ]
     known = 2 * len(differences) > len(style.parents)
     return known and float(np.median(differences)) < _OF_THESE_GRAINS

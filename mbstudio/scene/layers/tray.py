@@ -12,10 +12,12 @@ from jaxtyping import Float
 
 from mbstudio.scene.layers.layer import Stage
 from mbstudio.scene.layers.surface_layer import OverviewLayer
-from mbstudio.scene.surfaces import Surface, avatar_surface, merge
+from mbstudio.scene.surfaces import Surface, merge, surface_of_body
 from mbstudio.scene.theme import SceneTheme, rgb
 
 if TYPE_CHECKING:
+    import trimesh
+
     from mbstudio.core.metaball import Avatar
 
 GAP = 1.12
@@ -44,13 +46,14 @@ def tray_places(extents: Float[np.ndarray, "bodies 3"], aspect: float) -> Float[
 
 
 def tray_surface(
-    avatars: Sequence[Avatar], first: int = 1, *, aspect: float = 1.5, scale: float = 1.0, cells: int = 28
-) -> Surface:
-    """Return avatars laid out next to each other as one surface; may run in a worker thread.
+    bodies: Sequence[Avatar | trimesh.Trimesh], first: int = 1, *, aspect: float = 1.5, scale: float = 1.0,
+    cells: int = 28,
+) -> Surface:  # fmt: skip
+    """Return bodies laid out next to each other as one surface; may run in a worker thread.
 
     Parameters
     ----------
-    avatars : sequence of Avatar
+    bodies : sequence of Avatar or trimesh.Trimesh
     first : int
         Label of the first one; the others follow.
     aspect : float
@@ -58,9 +61,10 @@ def tray_surface(
     scale : float
         By what lengths are multiplied: to another unit.
     cells : int
-        Along the longest side of each.
+        Along the longest side of each avatar; meshes are made about as coarse.
     """
-    surfaces = [avatar_surface(avatar, cells) for avatar in avatars]
+    # A surface that crosses so many cells has about four triangles a cell of its shell.
+    surfaces = [surface_of_body(body, cells, most=4 * cells**2) for body in bodies]
     lows = np.array([surface.points.min(axis=0) for surface in surfaces])
     highs = np.array([surface.points.max(axis=0) for surface in surfaces])
     places = tray_places(highs - lows, aspect)

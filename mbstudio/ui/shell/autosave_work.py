@@ -104,7 +104,8 @@ class AutosaveWork(Work):
                     state = half.join(state)
                 self._parts, self._joined = parts, state
             return self._joined
-        worth_it = state.scan is not None or state.grains is not None or state.style is not None
+        found_or_learned = (state.scan, state.grains, state.style, state.surfaces)
+        worth_it = any(one is not None for one in found_or_learned)
         return state if self.workspace.is_modified and worth_it else None
 
     def _spare_journal(self) -> Path | None:

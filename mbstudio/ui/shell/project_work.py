@@ -118,7 +118,7 @@ class ProjectWork(Work):
 def _opened(path: Path, *, journal: bool = True) -> tuple[Project, tuple[str, ...]]:
     """Return a project, and what the person should know about its file."""
     project, notes = told_of(lambda: Project.open(path, journal=journal))
-    if project.state.clones is not None:
+    if project.state.new_grains is not None:
         # Clones are compared with grains at once; what compares takes a second to load.
         import scipy.stats  # noqa: F401
     return project, notes

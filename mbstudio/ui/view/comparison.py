@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.grain_surfaces import surface_of_grain
 from mbstudio.scene.layers.side_by_side import Column
-from mbstudio.scene.surfaces import avatar_surface
+from mbstudio.scene.surfaces import avatar_surface, surface_of_body
 from mbstudio.ui.language import tr
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.live_avatar import LiveAvatar
@@ -87,14 +87,14 @@ class Comparison(QObject):
         if len(wanted) == len(self._built) and all(a is b for a, b in zip(wanted, self._built, strict=True)):
             return
         self._built = wanted
-        clone = clones.clones.avatar(number - 1) if clones is not None and number is not None else None
+        clone = clones.body(number - 1) if clones is not None and number is not None else None
         here = grains is not None and label is not None
-        unit = grains.unit if here else clone.unit if clone is not None else "um"  # type: ignore[union-attr]
+        unit = grains.unit if here else clones.unit if clones is not None else "um"  # type: ignore[union-attr]
 
         def make() -> list[Column]:
-            surface = None if clone is None else avatar_surface(clone, 64)
-            if surface is not None and clone is not None:
-                scale = conversion_factor(clone.unit, unit)
+            surface = None if clone is None else surface_of_body(clone, 64)
+            if surface is not None and clones is not None:
+                scale = conversion_factor(clones.unit, unit)
                 surface = replace(surface, points=(surface.points * np.float32(scale)))
             return [
                 Column(

@@ -89,7 +89,7 @@ class Display:
     def has_content(self) -> bool:
         """Whether there is something to be seen in the view."""
         state = self._workspace.state
-        return self._workspace.scan is not None or state.grains is not None or state.clones is not None
+        return self._workspace.scan is not None or state.grains is not None or state.new_grains is not None
 
     @property
     def shows_tray(self) -> bool:

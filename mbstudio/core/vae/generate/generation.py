@@ -98,6 +98,20 @@ class Generation:
     def __len__(self) -> int:
         return len(self.clones)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the clones."""
+        return self.clones.names
+
+    @property
+    def unit(self) -> str:
+        """Canonical length unit of the clones."""
+        return self.clones.unit
+
+    def body(self, row: int) -> Avatar:
+        """Return what one clone is, in its principal frame."""
+        return self.clones.avatar(row)
+
     def avatars(self) -> list[Avatar]:
         """Return the clones in their principal frames."""
         return self.clones.avatars()

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mbstudio.core.cloning.clones_table import CLONES_TABLE, clones_table
+from mbstudio.core.cloning.surface_generation import SurfaceGeneration
 from mbstudio.core.dem import export
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.shaping.kept_grain import prepare_export
@@ -59,14 +61,19 @@ def chosen_fits(fits: Mapping[int, FitResult], labels: Sequence[int]) -> ChosenA
     return ChosenAvatars(tuple((f"grain_{label:05d}", fits[label].avatar) for label in labels))
 
 
-def chosen_clones(clones: Generation) -> ChosenAvatars:
-    """Return clones, with the table of their factors."""
+def chosen_clones(clones: Generation | SurfaceGeneration) -> ChosenAvatars:
+    """Return clones, with the table of their factors; of surfaces also what each was made of."""
     attached: dict[str, str] = {}
     if clones.factors is not None:
-        table = clones.factors.table().drop(columns=["warning", "not_measured"])
-        table.insert(1, "name", list(clones.clones.names))
+        table = clones.factors.table()
+        # A clone without factors keeps the reason beside its row.
+        empty = [name for name in ("warning", "not_measured") if not any(table[name])]
+        table = table.drop(columns=empty)
+        table.insert(1, "name", list(clones.names))
         attached["factors.csv"] = table.to_csv(index=False, lineterminator="\r\n")
-    named = tuple(zip(clones.clones.names, clones.avatars(), strict=True))
+    if isinstance(clones, SurfaceGeneration):
+        attached[CLONES_TABLE] = clones_table(clones).to_csv(index=False, lineterminator="\r\n")
+    named = tuple(zip(clones.names, clones.avatars(), strict=True))
     return ChosenAvatars(named, "clone", attached, clones.factors)
 
 

@@ -11,6 +11,7 @@ from PySide6.QtCore import QObject, QPoint
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains.suspicion.suspects import Suspect
 from mbstudio.core.populations import Population
+from mbstudio.scene.pictures.body_thumbnails import body_thumbnail
 from mbstudio.scene.pictures.grain_thumbnails import grain_thumbnail
 from mbstudio.scene.pictures.thumbnails import thumbnail
 from mbstudio.ui.language import tr
@@ -69,7 +70,7 @@ class GalleryLink(QObject):
         if self.frame.isHidden():
             return
         state = self._space.state
-        counts = (state.grains, state.fits, state.clones)
+        counts = (state.grains, state.fits, state.new_grains)
         self.gallery.set_counts(
             {kind: 0 if given is None else len(given) for kind, given in zip(KINDS, counts, strict=True)}
         )
@@ -94,7 +95,7 @@ class GalleryLink(QObject):
         source: tuple[object, ...] = {
             "grains": (state.grains, measured, self._suspects),
             "avatars": (state.fits, measured),
-            "clones": (state.clones, measured),
+            "clones": (state.new_grains, measured),
         }[kind]
         known = self._made.get(kind)
         if known is None or any(a is not b for a, b in zip(known[0], source, strict=True)):
@@ -142,11 +143,11 @@ class GalleryLink(QObject):
         if clones is None:
             return None
         keys = np.arange(1, len(clones) + 1)
-        unit, colour = clones.clones.unit, self._studio.theme.scene.avatar
+        unit, colour = clones.unit, self._studio.theme.scene.avatar
         # Clones are measured in their order.
         columns = {} if measured is None else _columns(measured.labels, measured, unit)
         return Bodies(
-            "clones", keys, columns, unit, lambda row: thumbnail(clones.clones.avatar(row), colour, SIDE)
+            "clones", keys, columns, unit, lambda row: body_thumbnail(clones.body(row), colour, SIDE)
         )
 
     # ---- selection -----------------------------------------------------------------------------

@@ -23,6 +23,8 @@ from mbstudio.core.vae.shaping.meaning_factors import MEANINGS
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.latent.factor_radar import describe_rank, show_lights
+from mbstudio.ui.stations.latent.surface_sliders import SurfaceSliders
+from mbstudio.ui.stations.latent.surface_work import SurfaceWork
 from mbstudio.ui.stations.latent.work import LatentWork
 from mbstudio.ui.stations.panel import Panel
 from mbstudio.ui.widgets.factor_words import latent_count
@@ -42,15 +44,18 @@ _NOT_LEARNED = mark("The meanings have not been learned. Leave the station and c
 class LatentPanel(Panel):
     """Sliders, noise and what is done with the grain."""
 
-    def __init__(self, work: LatentWork, icons: Icons) -> None:
+    def __init__(self, work: LatentWork, surface_work: SurfaceWork, icons: Icons) -> None:
         super().__init__(tr("Latent studio"), tr("The surface follows the slider."))
-        self._work, self._icons = work, icons
+        self._work, self._surface_work, self._icons = work, surface_work, icons
         self._seed = 0
         self._no_style()
         self._make_meanings()
         self._make_noise()
         self._make_components()
         self._make_foot()
+        self.surfaces = SurfaceSliders(surface_work, icons)
+        self.add(self.surfaces)
+        self.foot.addWidget(self.surfaces.foot)
         self.body.addStretch(1)
         self._connect()
         self.take_style()
@@ -166,10 +171,15 @@ class LatentPanel(Panel):
         lights.addWidget(self.light)
         lights.addWidget(self.edge)
         lights.addStretch(1)
-        self.foot.addLayout(lights)
-        self.foot.addWidget(self._way)
-        self.foot.addLayout(first)
-        self.foot.addLayout(second)
+        self._foot_of_learner = QWidget()
+        layout = QVBoxLayout(self._foot_of_learner)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(8)
+        layout.addLayout(lights)
+        layout.addWidget(self._way)
+        layout.addLayout(first)
+        layout.addLayout(second)
+        self.foot.addWidget(self._foot_of_learner)
 
     def _connect(self) -> None:
         work = self._work
@@ -184,6 +194,7 @@ class LatentPanel(Panel):
         self.beyond.toggled.connect(self._allow)
         self.more.clicked.connect(lambda: self._add_components(_MORE))
         work.style_taken.connect(self.take_style)
+        self._surface_work.style_taken.connect(self.take_style)
         work.meanings_changed.connect(self._show_meanings)
         work.grain_changed.connect(self._show_grain)
         work.stepped.connect(self._show_steps)
@@ -226,7 +237,11 @@ class LatentPanel(Panel):
         learner, work = self._work.learner, self._work
         self.light.setVisible(learner is not None)
         self.edge.hide()
-        self._missing.setVisible(learner is None and not work.is_opening)
+        of_surfaces = self._surface_work.style is not None or self._surface_work.is_opening
+        self.surfaces.setVisible(of_surfaces)
+        self.surfaces.foot.setVisible(of_surfaces)
+        self._foot_of_learner.setVisible(not of_surfaces)
+        self._missing.setVisible(learner is None and not work.is_opening and not of_surfaces)
         self._about.setVisible(learner is not None or work.is_opening)
         self._about.setText(tr("Measuring the parents …"))
         self._shaping.setVisible(learner is not None)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.processes import usable_cores
-from mbstudio.core.errors import GenerationError
+from mbstudio.core.errors import CloningError, GenerationError
 from mbstudio.core.populations import Population
 from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.run import Run
@@ -19,6 +19,9 @@ from mbstudio.ui.workers import Control, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
 
 if TYPE_CHECKING:
+    from mbstudio.core.cloning.clone_maker import CloneOptions
+    from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+    from mbstudio.core.cloning.surface_style import SurfaceStyle
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.generate.quality import Quality
     from mbstudio.core.vae.models.style_learner import StyleLearner
@@ -28,12 +31,11 @@ _MANY = 40  # bodies for which starting processes pays
 
 @dataclass(frozen=True, eq=False)
 class Assessed:
-    """Clones compared with their parents."""
+    """Clones compared with their parents; clones of surfaces are measured beside them only."""
 
-    learner: StyleLearner
-    clones: Generation
+    clones: Generation | SurfaceGeneration
     parents: Population
-    quality: Quality
+    quality: Quality | None
 
 
 class CloneWork(Work):
@@ -61,7 +63,7 @@ class CloneWork(Work):
         self.run, self.assessing = Run(queue, self), Run(queue, self)
         for run in (self.run, self.assessing):
             run.changed.connect(self.changed)
-        self._parents: tuple[StyleLearner, Population] | None = None
+        self._parents: tuple[StyleLearner | SurfaceStyle, Population] | None = None
         workspace.clones_changed.connect(self._clones_changed)
 
     # ---- what there is ---------------------------------------------------------------------------
@@ -84,15 +86,22 @@ class CloneWork(Work):
         """
         parts = [part.strip() for line in text.splitlines() for part in line.split(";")]
         given = [part for part in parts if part]
-        learner = self.workspace.style
+        learner = self.workspace.style or self.workspace.surfaces
         if given and learner is not None:
             from mbstudio.core.vae.generate.conditions import parse_conditions
 
             parse_conditions(given, learner.unit)
         return given
 
-    def generate(self, count: int, seed: int = 0, where: Sequence[str] = ()) -> Task | None:
-        """Generate clones in the style that is there; None without one, or while it runs."""
+    def generate(
+        self, count: int, seed: int = 0, where: Sequence[str] = (), options: CloneOptions | None = None
+    ) -> Task | None:
+        """Generate clones in the style that is there; None without one, or while it runs.
+
+        Options are those of clones of surfaces.
+        """
+        if self.workspace.surfaces is not None and not self.run.is_running:
+            return self._generate_surfaces(self.workspace.surfaces, count, seed, where, options)
         learner = self.workspace.style
         if learner is None or self.run.is_running:
             return None
@@ -117,8 +126,55 @@ class CloneWork(Work):
         self.refused.emit("")
         return self.run.start(task)
 
+    def _generate_surfaces(
+        self, style: SurfaceStyle, count: int, seed: int, where: Sequence[str], options: CloneOptions | None
+    ) -> Task:
+        def work(control: Control) -> SurfaceGeneration:
+            # What station Populations compares with takes a second to load: not in the main thread.
+            import scipy.stats  # noqa: F401
+
+            from mbstudio.core.cloning.surface_generation import generate_surfaces
+
+            control.report(0.0, tr("Warping surfaces"))
+            return generate_surfaces(
+                style, count, seed, options=options, targets=where, processes=_processes(count),
+                progress=control.progress,
+            )  # fmt: skip
+
+        task = Task(plural(count, mark("Generating {count} clone"), mark("Generating {count} clones")), work)
+        task.handled = (GenerationError, CloningError)
+        task.failed.connect(self._refuse)
+        task.succeeded.connect(lambda found: self._keep_surface_clones(found, style))
+        self.refused.emit("")
+        return self.run.start(task)
+
+    def _keep_surface_clones(self, found: SurfaceGeneration, style: SurfaceStyle) -> None:
+        if style is not self.workspace.surfaces:
+            return
+        title = plural(len(found), mark("Generate {count} clone"), mark("Generate {count} clones"))
+        self.workspace.use_surface_clones(found, title)
+        told = [plural(len(found), mark("Generated {count} clone."), mark("Generated {count} clones."))]
+        fitted = [clone.fitted for clone in found.clones if clone.fitted is not None]
+        told.append(
+            tr(
+                "Their metaballs are {rms} of Dₙ from the surfaces (rms, mean).",
+                rms=f"{100 * sum(entry.rms for entry in fitted) / max(1, len(fitted)):.2f} %",
+            )
+        )
+        invalid = sum(not entry.valid for entry in fitted)
+        if invalid:
+            told.append(
+                plural(
+                    invalid,
+                    mark("The metaball of {count} clone is not valid: its surface is."),
+                    mark("The metaballs of {count} clones are not valid: their surfaces are."),
+                )
+            )
+        self.said.emit("warning" if invalid else "success", " ".join(told))
+        self.assess()
+
     def _refuse(self, error: Exception) -> None:
-        if isinstance(error, GenerationError):
+        if isinstance(error, GenerationError | CloningError):
             self.refused.emit(str(error))
 
     def _keep_clones(self, found: Generation, learner: StyleLearner) -> None:
@@ -144,7 +200,7 @@ class CloneWork(Work):
 
     def assess(self) -> Task | None:
         """Compare the clones with their parents; None if that is done or cannot be."""
-        learner, clones = self.workspace.style, self.workspace.clones
+        learner, clones = self.workspace.style or self.workspace.surfaces, self.workspace.clones
         if learner is None or clones is None or clones.factors is None or self.assessing.is_running:
             return None
         if self.assessed is not None and self.assessed.clones is clones:
@@ -157,7 +213,7 @@ class CloneWork(Work):
 
     def write_report(self, path: Path) -> Task | None:
         """Write the report of ``mbstudio generate --report``, comparing first where that is to be done."""
-        learner, clones = self.workspace.style, self.workspace.clones
+        learner, clones = self.workspace.style, self.workspace.state.clones
         if learner is None or clones is None or clones.factors is None:
             return None
         known = self.assessed if self.assessed is not None and self.assessed.clones is clones else None
@@ -168,6 +224,7 @@ class CloneWork(Work):
 
             found = known or self._compared(learner, clones, control, 0.6)
             begun = 0.0 if known else 0.6
+            assert found.quality is not None
             write_generation_report(
                 path, project.stem if project else "the project", clones, found.parents, found.quality,
                 progress=lambda share, told: control.progress(begun + (1 - begun) * share, told),
@@ -179,29 +236,41 @@ class CloneWork(Work):
         return self.queue.submit(task)
 
     def _compared(
-        self, learner: StyleLearner, clones: Generation, control: Control, share: float = 1.0
-    ) -> Assessed:
+        self, learner: StyleLearner | SurfaceStyle, clones: Generation | SurfaceGeneration, control: Control,
+        share: float = 1.0,
+    ) -> Assessed:  # fmt: skip
+        from mbstudio.core.cloning.surface_generation import SurfaceGeneration
+        from mbstudio.core.cloning.surface_style import SurfaceStyle
         from mbstudio.core.populations import measure_population
         from mbstudio.core.vae.generate.quality import assess
 
         known = self._parents
-        if clones.parent_factors is not None:
-            parents = clones.parent_factors
+        given = None if isinstance(clones, SurfaceGeneration) else clones.parent_factors
+        if given is not None:
+            parents = given
         elif known is not None and known[0] is learner:
             parents = known[1]
         else:
-            bodies = learner.parents.avatars()
+            of_surfaces = isinstance(learner, SurfaceStyle)
+            bodies: list[Any] = (
+                [parent.mesh() for parent in learner.parents]
+                if isinstance(learner, SurfaceStyle)
+                else learner.parents.avatars()
+            )
             processes = _processes(len(bodies))
             parents = measure_population(
-                bodies, range(1, len(bodies) + 1), name="parents", kind="avatars",
+                bodies, range(1, len(bodies) + 1), name="parents",
+                kind="grains" if of_surfaces else "avatars",
                 workers=0 if processes == 1 else processes,
                 progress=lambda done, told: control.progress(0.7 * share * done, told),
             )  # fmt: skip
             self._parents = learner, parents
         control.progress(0.7 * share, tr("Comparing"))
+        if isinstance(clones, SurfaceGeneration) or isinstance(learner, SurfaceStyle):
+            return Assessed(clones, parents, None)
         assert clones.factors is not None
         quality = assess(learner.parents, parents, clones.clones, clones.factors, counts=clones.counts)
-        return Assessed(learner, clones, parents, quality)
+        return Assessed(clones, parents, quality)
 
     def _keep(self, found: Assessed) -> None:
         if found.clones is self.workspace.clones:

@@ -148,22 +148,22 @@ def _learn(studio: Studio, work: StyleWork, panel: StylePanel, link: StyleLink) 
         ),
         Command(
             id="style.open",
-            title=tr("Open style-learner…"),
+            title=tr("Open style…"),
             run=link.ask_style,
             menu="Style",
             icon="ph.folder-open",
-            tip=tr("Open a folder that contains a style-learner"),
+            tip=tr("Open a folder that contains a style-learner or a style of surfaces"),
             enabled=lambda: not work.run.is_running,
             separated=True,
         ),
         Command(
             id="style.save",
-            title=tr("Save style-learner…"),
+            title=tr("Save style…"),
             run=link.ask_folder,
             menu="Style",
             icon="ph.floppy-disk",
-            tip=tr("Write the style-learner into a folder"),
-            enabled=lambda: space.style is not None,
+            tip=tr("Write the style into a folder"),
+            enabled=lambda: space.has_style,
         ),
     ]
 
@@ -185,7 +185,7 @@ def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: St
             shortcut="Ctrl+Shift+G",
             icon="ph.sparkle",
             tip=tr("Generate new grains in the style, with the settings of station Style"),
-            enabled=lambda: space.style is not None and not clone_work.run.is_running,
+            enabled=lambda: space.has_style and not clone_work.run.is_running,
             separated=True,
         ),
         Command(
@@ -204,7 +204,7 @@ def _generate(studio: Studio, clone_work: CloneWork, panel: StylePanel, link: St
             menu="Style",
             icon="ph.file-text",
             tip=tr("Write a comparison of clones and parents as one HTML file"),
-            enabled=lambda: space.clones is not None,
+            enabled=lambda: space.state.clones is not None,
         ),
         Command(
             id="style.compare",

@@ -20,6 +20,7 @@ from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.style.judge_table import JudgeTable
 from mbstudio.ui.stations.style.quality_table import QualityTable
+from mbstudio.ui.stations.style.surface_samples import SurfaceSampleView
 from mbstudio.ui.stations.style.training_plots import TrainingPlots
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.factor_words import factor_short, factor_title
@@ -116,8 +117,12 @@ class StyleDock(QFrame):
         self.tabs.setDrawBase(False)
         self.tabs.setAccessibleName(tr("What is shown of the style"))
         self._stack = QStackedWidget()
+        self.samples = SurfaceSampleView()
+        self._learned = QStackedWidget()
+        self._learned.addWidget(self.training)
+        self._learned.addWidget(self.samples)
         for title, page in (
-            (tr("Training"), self.training), (tr("Clones"), self.clones), (tr("Quality"), self.quality),
+            (tr("Training"), self._learned), (tr("Clones"), self.clones), (tr("Quality"), self.quality),
             (tr("Judge"), self.judge),
         ):  # fmt: skip
             self.tabs.addTab(title)
@@ -128,6 +133,11 @@ class StyleDock(QFrame):
         layout.addWidget(self.tabs)
         layout.addWidget(self._stack, 1)
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
+
+    def show_surfaces(self, shown: bool) -> None:
+        """Show parents and clones of surfaces on the first page, or curves of a training."""
+        self._learned.setCurrentWidget(self.samples if shown else self.training)
+        self.tabs.setTabText(0, tr("Parents and clones") if shown else tr("Training"))
 
     def open_page(self, name: str) -> None:
         """Turn to 'training', 'clones', 'quality' or 'judge'."""

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
-from PySide6.QtWidgets import QHBoxLayout, QPlainTextEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+import numpy as np
+from PySide6.QtWidgets import (
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QPlainTextEdit,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from mbstudio.core.cloning.clone_maker import CloneOptions
+from mbstudio.core.cloning.surface_generation import SurfaceGeneration
 from mbstudio.core.errors import GenerationError
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import Population
@@ -17,10 +30,17 @@ from mbstudio.ui.widgets.forms import label, primary_button, row
 from mbstudio.ui.widgets.numbers import four_digits
 from mbstudio.ui.workspace import Workspace
 
+if TYPE_CHECKING:
+    from mbstudio.core.vae.generate.generation import Generation
+
 _ROWS = tuple(
     (factor.symbol if factor.power else factor.title, factor.title)
     for factor in (FACTORS[name] for name in SHOWN)
 )
+
+
+_RANGES = {"stretch": (1.0, 3.0), "warping": (0.0, 1.5)}
+_LOOK = mark("Click a clone in the view, or a row of the table, to look at it.")
 
 
 class GeneratePage(QWidget):
@@ -39,6 +59,13 @@ class GeneratePage(QWidget):
         self.count.setRange(1, 100_000)
         self.count.setValue(100)
         self.seed.setRange(0, 2**31 - 1)
+        self.stretch, self.warping = QDoubleSpinBox(), QDoubleSpinBox()
+        for field, name in ((self.stretch, "stretch"), (self.warping, "warping")):
+            about = CloneOptions.list_options().options[name]
+            field.setRange(*_RANGES[name])
+            field.setSingleStep(0.05)
+            field.setDecimals(2)
+            field.setValue(about.default)
         self.where = QPlainTextEdit()
         self.where.setPlaceholderText("sphericity=0.75..0.8\nD50=0.4 mm")
         self.where.setAccessibleName(tr("Conditions"))
@@ -62,9 +89,25 @@ class GeneratePage(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
+        self._strengths = (
+            row(
+                tr("Stretch up to"),
+                self.stretch,
+                tr(
+                    "By how much a parent may be stretched or squeezed along an axis to take on another "
+                    "form: more is newer, and easier to tell"
+                ),
+            ),
+            row(
+                tr("Warping"),
+                self.warping,
+                tr("Strength of the smooth warp; 1 is as grains of this kind differ"),
+            ),
+        )
         for part in (
             row(tr("Clones"), self.count, tr("How many new grains")),
             row(tr("Seed"), self.seed, tr("The same seed gives the same clones")),
+            *self._strengths,
             conditions,
             self.where,
             self.refusal,
@@ -120,7 +163,8 @@ class GeneratePage(QWidget):
         except GenerationError as error:
             self._refuse(str(error))
             return
-        self._work.generate(self.count.value(), self.seed.value(), where)
+        options = CloneOptions(stretch=self.stretch.value(), warping=self.warping.value())
+        self._work.generate(self.count.value(), self.seed.value(), where, options)
 
     def _refuse(self, why: str) -> None:
         self.refusal.setText(why)
@@ -130,7 +174,10 @@ class GeneratePage(QWidget):
 
     def refresh(self) -> None:
         """Show what runs, what can be done and the clone that is looked at."""
-        running, learner = self._work.run.is_running, self._workspace.style
+        running = self._work.run.is_running
+        for part in self._strengths:
+            part.setVisible(self._workspace.surfaces is not None)
+        self.report_button.setVisible(self._workspace.state.clones is not None)
         clones = self._workspace.clones
         self.generate_button.setVisible(not running)
         self.cancel_button.setVisible(running)
@@ -138,7 +185,7 @@ class GeneratePage(QWidget):
         hint = ""
         if running:
             hint = self._work.run.state()
-        elif learner is None:
+        elif not self._workspace.has_style:
             hint = tr("There is no style yet. Learn or open one first.")
         self._hint.setText(hint)
         self._hint.setVisible(bool(hint))
@@ -151,28 +198,14 @@ class GeneratePage(QWidget):
         self.factors.setVisible(factors is not None)
         if clones is None:
             return
-        counts = clones.counts
         if chosen is None:
             self._clone.setText(plural(len(clones), mark("{count} clone"), mark("{count} clones")))
-            self._facts.setText(
-                tr(
-                    "Of {candidates} candidates {valid} were valid when drawn and {repaired} were repaired. "
-                    "Click a clone in the view, or a row of the table, to look at it.",
-                    candidates=counts.candidates,
-                    valid=counts.valid,
-                    repaired=counts.repaired,
-                )
-            )
+            self._facts.setText(f"{_describe_drawing(clones)} {tr(_LOOK)}")
         else:
-            parent = int(clones.parents[chosen - 1])
-            learner = self._workspace.style
-            drawn = (
-                tr("Drawn from {parent}", parent=learner.parents.names[parent])
-                if learner is not None and 0 <= parent < len(learner.parents)
-                else tr("Not drawn from a single parent")
-            )
             self._clone.setText(tr("Clone {number}", number=chosen))
-            self._facts.setText(tr("{drawn} · n = {n} · valid", drawn=drawn, n=clones.clones.template.n))
+            learner = self._workspace.style
+            names = () if learner is None else learner.parents.names
+            self._facts.setText(_describe_clone(clones, chosen - 1, names))
         if factors is not None:
             self._fill(factors, chosen)
 
@@ -194,3 +227,47 @@ class GeneratePage(QWidget):
         columns = [ours, theirs]
         some = 2 if assessed is not None else 1
         self.factors.fill(heads[:some], columns[:some], units)
+
+
+def _describe_drawing(clones: Generation | SurfaceGeneration) -> str:
+    """Return how clones came about."""
+    if isinstance(clones, SurfaceGeneration):
+        if clones.reached:
+            return tr("Chosen from {candidates} drawn.", candidates=clones.candidates)
+        return tr("Nothing was selected: all that were drawn.")
+    counts = clones.counts
+    return tr(
+        "Of {candidates} candidates {valid} were valid when drawn and {repaired} were repaired.",
+        candidates=counts.candidates,
+        valid=counts.valid,
+        repaired=counts.repaired,
+    )
+
+
+def _describe_clone(clones: Generation | SurfaceGeneration, row: int, parents: Sequence[str]) -> str:
+    """Return what one clone was made of, and what its metaball is like."""
+    if not isinstance(clones, SurfaceGeneration):
+        parent = int(clones.parents[row])
+        drawn = (
+            tr("Drawn from {parent}", parent=parents[parent])
+            if 0 <= parent < len(parents)
+            else tr("Not drawn from a single parent")
+        )
+        return tr("{drawn} · n = {n} · valid", drawn=drawn, n=clones.clones.template.n)
+    clone = clones.clones[row]
+    told = [tr("Made of {parent}", parent=clone.parent)]
+    if clone.shaped:
+        told.append(clone.shaped)
+    told.append(tr("{count:,} triangles", count=len(clone.surface.faces)))
+    if clone.fitted is not None:
+        told.append(
+            tr(
+                "metaball n = {n}: {rms:.2f} % of Dₙ from the surface (rms), volume {volume:+.2f} %",
+                n=clone.fitted.avatar.n,
+                rms=100 * clone.fitted.rms,
+                volume=100 * clone.fitted.volume_error,
+            )
+        )
+        if not clone.fitted.valid:
+            told.append(tr("metaball not valid"))
+    return " · ".join(told)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.processes import usable_cores
+from mbstudio.core.cloning.surface_generation import SurfaceGeneration
 from mbstudio.core.errors import GenerationError
 from mbstudio.ui.language import tr
 from mbstudio.ui.stations.run import Run
@@ -30,7 +31,7 @@ _MANY = 40
 class Judged:
     """Clones judged against grains."""
 
-    clones: Generation
+    clones: Generation | SurfaceGeneration
     grains: GrainSet
     judgement: Judgement
 
@@ -99,24 +100,36 @@ class JudgeWork(Work):
         self.changed.emit()
 
 
-def _judged(clones: Generation, grains: GrainSet, control: Control) -> Judged:
+def _judged(clones: Generation | SurfaceGeneration, grains: GrainSet, control: Control) -> Judged:
     import numpy as np
 
     from mbstudio.core.judging.judging import judge
     from mbstudio.core.judging.measuring import measure_features
 
-    def measured(bodies: list, begun: float) -> list[Features]:  # type: ignore[type-arg]
-        found = measure_features(
+    def measured(bodies: list, begun: float) -> list[Features | str]:  # type: ignore[type-arg]
+        return measure_features(
             bodies, workers=usable_cores() if len(bodies) >= _MANY else 0,
             progress=lambda share, told: control.progress(begun + 0.25 * share, told),
         )  # fmt: skip
-        return [features for features in found if not isinstance(features, str)]
 
     rng = np.random.default_rng(0)
     labels = grains.interior_labels
     chosen = sorted(rng.choice(len(labels), min(MOST, len(labels)), replace=False).tolist())
     rows = sorted(rng.choice(len(clones), min(MOST, len(clones)), replace=False).tolist())
     true = measured([grains.body(labels[place]) for place in chosen], 0.0)
-    made = measured([clones.clones.avatar(row) for row in rows], 0.25)
-    found = judge(true, made, progress=lambda share, told: control.progress(0.5 + 0.5 * share, tr("Judging")))
+    made = measured([clones.body(row) for row in rows], 0.25)
+    # A clone of surfaces is a relative of the grain whose faces it has, if that is of this project.
+    parents = [clone.parent for clone in clones.clones] if isinstance(clones, SurfaceGeneration) else None
+    groups = [f"grain {labels[place]}" for place in chosen]
+    found = judge(
+        [entry for entry in true if not isinstance(entry, str)],
+        [entry for entry in made if not isinstance(entry, str)],
+        clone_parents=None
+        if parents is None
+        else [parents[row] for row, entry in zip(rows, made, strict=True) if not isinstance(entry, str)],
+        true_groups=None
+        if parents is None
+        else [group for group, entry in zip(groups, true, strict=True) if not isinstance(entry, str)],
+        progress=lambda share, told: control.progress(0.5 + 0.5 * share, tr("Judging")),
+    )
     return Judged(clones, grains, found)

@@ -6,24 +6,34 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
 
+from mbstudio.core.cloning.surface_style import SurfaceStyle
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
 from mbstudio.ui.language import mark, plural, tr
-from mbstudio.ui.stations.style.work import LearnRequest, Parents, Source, StyleWork, percent
+from mbstudio.ui.stations.style.parents import Parents, Source
+from mbstudio.ui.stations.style.surface_learning import SURFACES
+from mbstudio.ui.stations.style.work import LearnRequest, StyleWork, percent
 from mbstudio.ui.widgets.factor_words import latent_count
 from mbstudio.ui.widgets.forms import label, primary_button, quiet_button, row
 from mbstudio.ui.workspace import Workspace
 
 FEWEST = 5
+_SURFACES_TITLE = mark("Surfaces")
+_SURFACES_SUMMARY = mark(
+    "Keeps the surfaces themselves: clones have the faces, edges and roughness of their parents, in other "
+    "forms, and each has a metaball. Of all presets its clones are the hardest to tell from true grains."
+)
 _SOURCES = {
     "inside": mark("Grains inside"),
     "chosen": mark("Chosen grains"),
     "avatars": mark("Avatars"),
     "folder": mark("Folder of meshes"),
 }
+_LEAST_N = 9
+"""Of metaballs fitted to surfaces; the value itself stands for as many as the parents need."""
 _UNITS = ("mm", "um", "cm", "m")
 _WIDE = 190
 
@@ -49,7 +59,6 @@ class LearnPage(QWidget):
     def __init__(self, workspace: Workspace, work: StyleWork) -> None:
         super().__init__()
         self._workspace, self._work = workspace, work
-        self._preset_is_chosen = False
         self.is_ready = self.has_new_parents = False
         self.source, self.preset, self.unit = QComboBox(), QComboBox(), QComboBox()
         for name in get_args(Source):
@@ -57,9 +66,15 @@ class LearnPage(QWidget):
         for preset in map(find_preset, PRESETS):
             self.preset.addItem(tr(preset.title), preset.name)
             self.preset.setItemData(self.preset.count() - 1, tr(preset.summary), 3)
+        self.preset.insertItem(0, tr(_SURFACES_TITLE), SURFACES)
+        self.preset.setItemData(0, tr(_SURFACES_SUMMARY), 3)
+        self.preset.setCurrentIndex(0)
         for unit in _UNITS:
             self.unit.addItem(unit_label(unit), unit)
         self.n, self.steps, self.seed = QSpinBox(), QSpinBox(), QSpinBox()
+        self.metaball_n = QSpinBox()
+        self.metaball_n.setRange(_LEAST_N, 400)
+        self.metaball_n.setSpecialValueText(tr("by form"))
         self.n.setRange(4, 400)
         self.n.setValue(40)
         self.steps.setRange(0, 1_000_000)
@@ -78,8 +93,8 @@ class LearnPage(QWidget):
         self.card = label("", "hint", wrap=True)
         self.card_name = label("", "key", wrap=True)
         self.open_button, self.save_button = QPushButton(tr("Open…")), QPushButton(tr("Save…"))
-        self.open_button.setToolTip(tr("Open the folder of a style-learner, as written by “mbstudio learn”"))
-        self.save_button.setToolTip(tr("Write the style-learner into a folder, for “mbstudio generate” too"))
+        self.open_button.setToolTip(tr("Open the folder of a style, as written by “mbstudio learn”"))
+        self.save_button.setToolTip(tr("Write the style into a folder, for “mbstudio generate” too"))
         self._lay_out(browse)
         self._make_foot()
         self._connect()
@@ -100,6 +115,21 @@ class LearnPage(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
+        self._n_row = row(
+            tr("Control points n"),
+            self.n,
+            tr("Number of control points of every parent's avatar and of every clone"),
+        )
+        self._metaball_row = row(
+            tr("Control points n"),
+            self.metaball_n,
+            tr("Of the metaball of every parent and clone; by form: 40 where these are enough, else 120"),
+        )
+        self._steps_row = row(
+            tr("Steps"),
+            self.steps,
+            tr("Steps of the training; default: 4000, or 2000 with fewer than 100 parents (aligned)"),
+        )
         for part in (
             row(tr("Parents"), self.source, tr("The bodies whose shape and size are learned")),
             self._folder_rows,
@@ -107,23 +137,16 @@ class LearnPage(QWidget):
             self._explained,
             self._advice,
             self.take_pca,
-            row(
-                tr("Control points n"),
-                self.n,
-                tr("Number of control points of every parent's avatar and of every clone"),
-            ),
-            row(
-                tr("Steps"),
-                self.steps,
-                tr("Steps of the training; default: 4000, or 2000 with fewer than 100 parents (aligned)"),
-            ),
+            self._n_row,
+            self._metaball_row,
+            self._steps_row,
             row(tr("Seed"), self.seed, tr("The same seed gives the same style-learner")),
         ):
             layout.addWidget(part)
         for field in (self.source, self.preset):
             field.setFixedWidth(_WIDE)
         layout.addSpacing(8)
-        layout.addWidget(label(tr("Style-learner"), "heading"))
+        layout.addWidget(label(tr("Style"), "heading"))
         layout.addWidget(self.card_name)
         layout.addWidget(self.card)
         layout.addLayout(buttons)
@@ -152,7 +175,6 @@ class LearnPage(QWidget):
             layout.addWidget(part)
 
     def _connect(self) -> None:
-        self.preset.activated.connect(self._preset_chosen)
         self.take_pca.clicked.connect(self._choose_recommended)
         for field in (self.source, self.preset, self.unit):
             field.currentIndexChanged.connect(lambda _: self.refresh())
@@ -179,9 +201,15 @@ class LearnPage(QWidget):
     def asked(self) -> LearnRequest:
         """What the fields ask for."""
         return LearnRequest(
-            self.parents, self.n.value(), self.preset.currentData(), self.steps.value() or None,
+            self.parents, self._asked_n, self.preset.currentData(), self.steps.value() or None,
             self.seed.value(),
         )  # fmt: skip
+
+    @property
+    def _asked_n(self) -> int | None:
+        if self.preset.currentData() != SURFACES:
+            return self.n.value()
+        return self.metaball_n.value() if self.metaball_n.value() > _LEAST_N else None
 
     def learn(self) -> None:
         """Learn as the fields say."""
@@ -201,10 +229,6 @@ class LearnPage(QWidget):
     def choose_preset(self, name: str) -> None:
         """Choose a preset as a person does."""
         self.preset.setCurrentIndex(self.preset.findData(name))
-        self._preset_chosen()
-
-    def _preset_chosen(self, *_: object) -> None:
-        self._preset_is_chosen = True
         self.refresh()
 
     def _choose_recommended(self) -> None:
@@ -220,25 +244,25 @@ class LearnPage(QWidget):
                 model.setItemText(place, f"{tr(_SOURCES[name])} ({len(self._work.labels(name))})")
         self._folder_rows.setVisible(self.source.currentData() == "folder")
         count = self._count()
-        if not self._preset_is_chosen and count is not None:
-            # The card of a network says the same: with so few parents it has too little to learn from.
-            with QSignalBlocker(self.preset):
-                wanted = recommended_preset(count).name if count >= FEWEST else PRESETS[0]
-                self.preset.setCurrentIndex(self.preset.findData(wanted))
-        preset = find_preset(self.preset.currentData())
-        self._explained.setText(tr(preset.summary))
-        few = count is not None and FEWEST <= count < preset.enough_parents
+        surfaces = self.preset.currentData() == SURFACES
+        preset = None if surfaces else find_preset(self.preset.currentData())
+        self._explained.setText(tr(_SURFACES_SUMMARY) if preset is None else tr(preset.summary))
+        few = preset is not None and count is not None and FEWEST <= count < preset.enough_parents
         self._advice.setText(
             tr(
                 "With {count} parents (fewer than {enough}), principal components reproduce unseen "
                 "grains better than a network.",
                 count=count,
-                enough=preset.enough_parents,
+                enough=0 if preset is None else preset.enough_parents,
             )
         )
         self._advice.setVisible(few)
         self.take_pca.setVisible(few)
-        self.steps.setEnabled(preset.in_steps)
+        for part, shown in (
+            (self._n_row, not surfaces), (self._metaball_row, surfaces), (self._steps_row, not surfaces)
+        ):  # fmt: skip
+            part.setVisible(shown)
+        self.steps.setEnabled(preset is not None and preset.in_steps)
         self._show_foot(count)
         self._show_card()
 
@@ -249,10 +273,11 @@ class LearnPage(QWidget):
 
     def _show_foot(self, count: int | None) -> None:
         running = self._work.run.is_running
+        self.stop_button.setVisible(not self._work.learns_surfaces)
         folder = self.source.currentData() == "folder"
         ready = bool(self.folder.text().strip()) if folder else count is not None and count >= FEWEST
         new = 0 if folder else len(self._work.new_labels(self.source.currentData()))
-        has_new = self._workspace.style is not None and (ready if folder else new > 0)
+        has_new = self._workspace.has_style and (ready if folder else new > 0)
         if (ready, has_new) != (self.is_ready, self.has_new_parents):
             self.is_ready, self.has_new_parents = ready, has_new
             self.readiness_changed.emit()
@@ -280,7 +305,9 @@ class LearnPage(QWidget):
 
     def _state(self) -> str:
         """Return what runs, how far it is and how long it takes still."""
-        return self._work.run.state(tr("Training") if self._work.is_training else tr("Serializing"))
+        if self._work.is_training:
+            return self._work.run.state(tr("Training"))
+        return self._work.run.state("" if self._work.learns_surfaces else tr("Serializing"))
 
     def _explain_unready(self, folder: bool, count: int | None) -> str:
         if folder:
@@ -295,7 +322,10 @@ class LearnPage(QWidget):
         )
 
     def _show_card(self) -> None:
-        learner = self._workspace.style
+        learner, surfaces = self._workspace.style, self._workspace.surfaces
+        if surfaces is not None:
+            self._show_surfaces(surfaces)
+            return
         if learner is None:
             self.card_name.setText(tr("None yet"))
             self.card.setText(tr("Learn one above, or open a saved one."))
@@ -329,3 +359,38 @@ class LearnPage(QWidget):
             *card.notes,
         ]
         self.card.setText("\n".join(line for line in lines if line))
+
+    def _show_surfaces(self, style: SurfaceStyle) -> None:
+        """Show what was learned of surfaces: parents, registrations, strengths, metaballs."""
+        sizes, unit = [parent.diameter for parent in style.parents], unit_label(style.unit)
+        self.card_name.setText(
+            tr("{preset}, {count} parents", preset=tr(_SURFACES_TITLE), count=len(style.parents))
+        )
+        triangles = sum(len(parent.faces) for parent in style.parents)
+        lines = [
+            tr(
+                "{triangles:,} triangles · Dₙ {smallest:.3g} to {largest:.3g} {unit}",
+                triangles=triangles,
+                smallest=min(sizes),
+                largest=max(sizes),
+                unit=unit,
+            ),
+            tr(
+                "Warps: {count} modes; grains differ by {strength} of Dₙ, registrations leave {misfit}",
+                count=len(style.modes),
+                strength=percent(style.warp_strength),
+                misfit=percent(style.misfit),
+            ),
+        ]
+        if style.avatars:
+            rms = float(np.mean([entry.rms for entry in style.avatars]))
+            volume = float(np.mean([abs(entry.volume_error) for entry in style.avatars]))
+            lines.append(
+                tr(
+                    "Metaballs: n = {n}, {rms} of Dₙ from their parents (rms), volume off by {volume}",
+                    n=len(style.avatars[0].avatar.weights),
+                    rms=percent(rms),
+                    volume=percent(volume),
+                )
+            )
+        self.card.setText("\n".join(lines))

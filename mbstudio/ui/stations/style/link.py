@@ -10,17 +10,24 @@ from PySide6.QtWidgets import QFileDialog
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.layers.tray import tray_surface
 from mbstudio.ui.deferred_calls import DeferredCalls
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, tr
 from mbstudio.ui.stations.style.clone_work import CloneWork
 from mbstudio.ui.stations.style.dock import StyleDock
 from mbstudio.ui.stations.style.judge_work import JudgeWork
 from mbstudio.ui.stations.style.panel import StylePanel
+from mbstudio.ui.stations.style.surface_samples import SurfaceSamples, surface_samples
 from mbstudio.ui.stations.style.work import StyleWork
 from mbstudio.ui.studio import Studio
 from mbstudio.ui.view.scene_view import SceneView
 from mbstudio.ui.workers import Task
 
 PAGE = 100  # clones that are laid out at a time
+
+
+_OF_SURFACES = mark(
+    "Clones of surfaces are not selected by these factors: a table of them would say little. "
+    "Page Judge says whether they can be told from true grains."
+)
 
 
 class StyleLink(QObject):
@@ -62,6 +69,8 @@ class StyleLink(QObject):
         self._judge_work.changed.connect(self._show_judgement)
         self._space.clones_changed.connect(self._clones_changed)
         self._space.style_changed.connect(self._show_quality)
+        self._space.style_changed.connect(self._show_style)
+        studio.theme.changed.connect(self._show_style)
         for signal in (self._space.grains_changed, self._space.scan_changed):
             signal.connect(self._share)
             signal.connect(self.lay_out)
@@ -69,6 +78,7 @@ class StyleLink(QObject):
         studio.viewport.installEventFilter(self)
         self._clones_changed()
         self._show_judgement()
+        self._show_style()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Resize:
@@ -82,6 +92,22 @@ class StyleLink(QObject):
         self._dock.training.set_records(self._work.records)
         if self._work.run.is_running:
             self._dock.open_page("training")
+
+    def _show_style(self) -> None:
+        """Show some parents and clones of a style of surfaces where else curves of a training are."""
+        style = self._space.surfaces
+        self._dock.show_surfaces(style is not None)
+        if style is None:
+            return
+        colours = (self._studio.theme.scene.grain, self._studio.theme.scene.points)
+        task = Task(tr("Drawing parents and clones"), lambda control: surface_samples(style, colours))
+
+        def done(found: SurfaceSamples) -> None:
+            if style is self._space.surfaces:
+                self._dock.samples.show_samples(found)
+
+        task.succeeded.connect(done)
+        self._studio.queue.submit(task, lane="pictures of parents", key="surface style")
 
     def _clones_changed(self) -> None:
         self._dock.clones.show_clones(self._clone_work.factors)
@@ -101,7 +127,10 @@ class StyleLink(QObject):
         if assessed is not None and clones is not None:
             if assessed is not self._assessed:
                 assert clones.factors is not None
-                self._dock.quality.show_quality(assessed.quality, [assessed.parents, clones.factors])
+                if assessed.quality is None:
+                    self._dock.quality.say(tr(_OF_SURFACES))
+                else:
+                    self._dock.quality.show_quality(assessed.quality, [assessed.parents, clones.factors])
                 if self._space.state.grains is None:
                     self._share()
         elif clones is None:
@@ -169,7 +198,7 @@ class StyleLink(QObject):
         if not self._view.shows_tray:
             return
         grains, scan = self._space.state.grains, self._space.scan
-        unit = grains.unit if grains is not None else scan.unit if scan is not None else clones.clones.unit
+        unit = grains.unit if grains is not None else scan.unit if scan is not None else clones.unit
         first = ((self._space.clone or 1) - 1) // PAGE * PAGE
         wanted = (clones, first, unit)
         if self._laid_out == wanted:
@@ -179,13 +208,13 @@ class StyleLink(QObject):
         # Not of the view itself, which may not have been shown yet.
         room = self._view.room
         aspect = max(0.4, room.width() / max(1, room.height()))
-        scale = conversion_factor(clones.clones.unit, unit)
+        scale = conversion_factor(clones.unit, unit)
         # Software draws every triangle on the processor, in the main thread.
         cells = (36 if len(rows) <= 30 else 24) if self._studio.viewport.kind == "OpenGL" else 20
         task = Task(
             tr("Drawing the clones"),
             lambda control: tray_surface(
-                [clones.clones.avatar(i) for i in rows], first + 1, aspect=aspect, scale=scale,
+                [clones.body(i) for i in rows], first + 1, aspect=aspect, scale=scale,
                 cells=cells,
             ),
         )  # fmt: skip
@@ -210,17 +239,15 @@ class StyleLink(QObject):
             self._panel.learn.folder.setText(name)
 
     def ask_style(self) -> None:
-        """Let the person choose the folder of a style-learner."""
-        name = QFileDialog.getExistingDirectory(
-            self._studio.host, tr("Open style-learner"), self._studio.path_for()
-        )
+        """Let the person choose the folder of a style."""
+        name = QFileDialog.getExistingDirectory(self._studio.host, tr("Open style"), self._studio.path_for())
         if name:
             self._work.open(Path(name))
 
     def ask_folder(self) -> None:
-        """Let the person choose where the style-learner is saved."""
+        """Let the person choose where the style is saved."""
         name = QFileDialog.getExistingDirectory(
-            self._studio.host, tr("Empty folder for the style-learner"), self._studio.path_for()
+            self._studio.host, tr("Empty folder for the style"), self._studio.path_for()
         )
         if name:
             self._work.save(Path(name))

@@ -7,19 +7,23 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.processes import usable_cores
+from mbstudio.core.cloning.surface_style import SurfaceStyle
+from mbstudio.core.cloning.surface_style_file import save_surface_style
 from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.project import ProjectState
 from mbstudio.core.units import conversion_factor
 from mbstudio.core.vae.models.presets import PRESETS, find_preset
-from mbstudio.ui.language import tr
+from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.run import Run
+from mbstudio.ui.stations.style.parents import Parents, Source
 from mbstudio.ui.stations.style.style_folder import open_style_folder
+from mbstudio.ui.stations.style.surface_learning import SURFACES, learned_surfaces
 from mbstudio.ui.stations.work import Work
 from mbstudio.ui.workers import Control, Report, Task, TaskQueue
 from mbstudio.ui.workspace import Workspace
@@ -30,40 +34,20 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.models.training_step import TrainingStep
     from mbstudio.core.vae.serialize.serialization import Serialization, Template
 
-Source = Literal["inside", "chosen", "avatars", "folder"]
 KEPT_EVERY = 10.0  # seconds; what a training has learned until then outlives a crash
 _MANY = 16  # bodies for which starting processes pays
 _SAME_SIZE = 0.05  # voxels and the smoothed surface differ by less in D_n
 
 
 @dataclass(frozen=True)
-class Parents:
-    """Which bodies a style is learned from.
+class LearnRequest:
+    """How a style is to be learned; no steps means as many as the preset usually takes.
 
-    Attributes
-    ----------
-    source : {'inside', 'chosen', 'avatars', 'folder'}
-        All grains that the edge does not cut, the chosen ones, the avatars of the project, or the meshes of
-        a folder.
-    labels : tuple of int
-        Of grains or avatars.
-    folder : Path or None
-    unit : str or None
-        That the numbers of the meshes are in.
+    Of surfaces, no n means as many control points as the parents need.
     """
 
-    source: Source
-    labels: tuple[int, ...] = ()
-    folder: Path | None = None
-    unit: str | None = None
-
-
-@dataclass(frozen=True)
-class LearnRequest:
-    """How a style is to be learned; no steps means as many as the preset usually takes."""
-
     parents: Parents
-    n: int = 40
+    n: int | None = 40
     preset: str = PRESETS[0]
     steps: int | None = None
     seed: int = 0
@@ -129,6 +113,7 @@ class StyleWork(Work):
         self.run = Run(queue, self)
         self.run.changed.connect(self.changed)
         self._learning: _Learning | None = None
+        self._keeps_surfaces = False
         self._serialized: _Serialized | None = None
         workspace.project_replaced.connect(self._forget)
 
@@ -140,10 +125,15 @@ class StyleWork(Work):
         return self.run.can_stop and self._learning is not None
 
     @property
+    def learns_surfaces(self) -> bool:
+        """Whether what runs keeps surfaces, without a training."""
+        return self.run.is_running and self._keeps_surfaces
+
+    @property
     def arrived_style(self) -> StyleLearner | None:
         """The best state so far of a long training, for a project that has no style-learner yet."""
         learning = self._learning
-        if not self.run.is_running or learning is None or self.workspace.style is not None:
+        if not self.run.is_running or learning is None or self.workspace.has_style:
             return None
         return learning.announced
 
@@ -166,11 +156,18 @@ class StyleWork(Work):
         Grains of another project may have the same names: only one as large counts as known.
         """
         learner, grains = self.workspace.style, self.workspace.state.grains
-        if learner is None or grains is None:
+        surfaces = self.workspace.surfaces
+        if grains is None:
             return self.labels(source)
-        factor = conversion_factor(grains.unit, learner.unit)
+        if surfaces is not None:
+            known, unit = {parent.name: parent.diameter for parent in surfaces.parents}, surfaces.unit
+        elif learner is not None:
+            known = dict(zip(learner.parents.names, learner.parents.diameters, strict=True))
+            unit = learner.unit
+        else:
+            return self.labels(source)
+        factor = conversion_factor(grains.unit, unit)
         volumes = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
-        known = dict(zip(learner.parents.names, learner.parents.diameters, strict=True))
 
         def is_new(label: int) -> bool:
             size = factor * nominal_diameter(volumes[label])
@@ -184,7 +181,11 @@ class StyleWork(Work):
         """Serialize the parents, then train; None while something is learned already."""
         if self.run.is_running:
             return None
-        key = (asked.parents, asked.n, asked.seed)
+        if asked.preset == SURFACES:
+            return self._learn_surfaces(asked)
+        n = asked.n or LearnRequest.n
+        assert n is not None
+        key = (asked.parents, n, asked.seed)
 
         def train(parents: Serialization) -> StyleTraining:
             from mbstudio.core.vae.models.training import StyleTraining
@@ -196,11 +197,45 @@ class StyleWork(Work):
         known = self._serialized
         if known is not None and known.is_from(key, self.workspace.state):
             return self._train(known, train, tr("Learn style"))
-        return self._serialize(key, asked.parents, asked.n, asked.seed, None, train, tr("Learn style"))
+        return self._serialize(key, asked.parents, n, asked.seed, None, train, tr("Learn style"))
+
+    def _learn_surfaces(self, asked: LearnRequest, onto: SurfaceStyle | None = None) -> Task:
+        state = self.workspace.state
+
+        def work(control: Control) -> tuple[SurfaceStyle, tuple[str, ...]]:
+            control.report(0.0, tr("Reading the parents"))
+            return learned_surfaces(state, asked.parents, asked.n, asked.seed, control, onto)
+
+        self.records, self._learning, self._keeps_surfaces = [], None, True
+        self.began.emit()
+        # It can be paused: every report of progress is a place to wait.
+        task = Task(tr("Learning surfaces"), work, fraction=lambda _: (-1.0, ""))
+        title = tr("Learn style") if onto is None else tr("Continue learning")
+        task.succeeded.connect(lambda found: self._keep_surfaces(found, title))
+        return self.run.start(task)
+
+    def _keep_surfaces(self, found: tuple[SurfaceStyle, tuple[str, ...]], title: str) -> None:
+        style, notes = found
+        self.workspace.use_surfaces(style, title)
+        words = tr("Learned the surfaces of {count} parents.", count=len(style.parents))
+        invalid = sum(not entry.valid for entry in style.avatars)
+        told = [words]
+        if invalid:
+            told.append(
+                plural(
+                    invalid,
+                    mark("The metaball of {count} parent is not valid: surfaces are not affected."),
+                    mark("The metaballs of {count} parents are not valid: surfaces are not affected."),
+                )
+            )
+        self.said.emit("warning" if notes or invalid else "success", " ".join((*told, *notes)))
 
     def learn_on(self, parents: Parents, seed: int = 0) -> Task | None:
         """Teach new parents to the style-learner that is there."""
         learner = self.workspace.style
+        if not self.run.is_running and self.workspace.surfaces is not None:
+            asked = LearnRequest(parents, None, SURFACES, seed=seed)
+            return self._learn_surfaces(asked, self.workspace.surfaces)
         if self.run.is_running or learner is None:
             return None
 
@@ -222,6 +257,7 @@ class StyleWork(Work):
             control.report(0.0, tr("Reading the parents"))
             return _serialized(key, state, parents, n, seed, template, control)
 
+        self._keeps_surfaces = False
         # It can be paused: every report of progress is a place to wait.
         task = Task(tr("Serializing the parents"), work, fraction=lambda _: (-1.0, ""))
         task.succeeded.connect(lambda found: self._train(found, train, title))
@@ -279,7 +315,10 @@ class StyleWork(Work):
 
         def take(opened: tuple[Any, tuple[str, ...]]) -> None:
             learner, notes = opened
-            self.workspace.use_style(learner, tr("Open style-learner"))
+            if isinstance(learner, SurfaceStyle):
+                self.workspace.use_surfaces(learner, tr("Open style"))
+            else:
+                self.workspace.use_style(learner, tr("Open style-learner"))
             for note in notes:
                 self.said.emit("warning", note)
             self.began.emit()
@@ -291,12 +330,17 @@ class StyleWork(Work):
 
     def save(self, folder: Path) -> Task | None:
         """Write the style-learner into a folder."""
-        learner = self.workspace.style
-        if learner is None:
+        learner, surfaces = self.workspace.style, self.workspace.surfaces
+        if surfaces is not None:
+            task = Task(
+                tr("Saving {name}", name=folder.name), lambda control: save_surface_style(surfaces, folder)
+            )
+        elif learner is not None:
+            task = Task(tr("Saving {name}", name=folder.name), lambda control: learner.save(folder))
+        else:
             return None
-        task = Task(tr("Saving {name}", name=folder.name), lambda control: learner.save(folder))
         task.succeeded.connect(
-            lambda written: self.said.emit("success", tr("Saved the style-learner in {path}.", path=written))
+            lambda written: self.said.emit("success", tr("Saved the style in {path}.", path=written))
         )
         return self.queue.submit(task)
 

@@ -143,7 +143,7 @@ def test_a_cancelled_training_leaves_the_style(window, page, learner, training, 
 
 
 def test_few_parents_are_offered_principal_components(window, page, idle, with_grains):
-    assert page.preset.currentData() == "aligned"
+    assert page.preset.currentData() == "surfaces"
     assert not page.learn_button.isEnabled()
     assert "5 parents" in page.hint.text()
     names = [page.source.itemText(place) for place in range(4)]
@@ -152,13 +152,14 @@ def test_few_parents_are_offered_principal_components(window, page, idle, with_g
     window.stations.style.work.labels = lambda source: tuple(range(1, 13))
     window.stations.style.work.new_labels = window.stations.style.work.labels
     page.refresh()
-    assert page.preset.currentData() == "pca"
-    assert "linear baseline" in page._explained.text()
+    assert page.preset.currentData() == "surfaces"
+    assert "hardest to tell" in page._explained.text()
     assert page.take_pca.isHidden()
     page.choose_preset("aligned")
     assert "With 12 parents" in page._advice.text()
     page.take_pca.click()
     assert page.preset.currentData() == "pca"
+    assert "linear baseline" in page._explained.text()
     assert page.take_pca.isHidden()
 
 

@@ -1,0 +1,77 @@
+"""Grains shaped by hand, kept among the clones of their style."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mbstudio.core.cloning.clone_maker import CloneOptions, CloneRecipe
+from mbstudio.core.cloning.surface_generation import SurfaceClone, SurfaceGeneration
+from mbstudio.core.cloning.surface_studio import GrainShape, ShapedGrain, SurfaceStudio
+from mbstudio.core.cloning.surface_style import SurfaceStyle
+from mbstudio.core.populations.measuring import measure_population
+from mbstudio.core.populations.population import Population
+
+_KEPT = "shaped by hand"
+
+
+def keep_shape(
+    studio: SurfaceStudio, grain: ShapedGrain, clones: SurfaceGeneration | None
+) -> SurfaceGeneration:
+    """Return clones with a shaped grain added at their end, measured and with a metaball.
+
+    Parameters
+    ----------
+    studio : SurfaceStudio
+    grain : ShapedGrain
+    clones : SurfaceGeneration or None
+        Those there are already, of the same style.
+
+    Raises
+    ------
+    CloningError
+        If no metaball can be fitted.
+    """
+    style, shape = studio.style, grain.shape
+    taken = set() if clones is None else set(clones.names)
+    number = next(k for k in range(1, len(taken) + 2) if f"shaped_{k}" not in taken)
+    recipe = CloneRecipe(shape.parent, shape.form, shape.turn, shape.warp, shape.diameter)
+    clone = SurfaceClone(
+        f"shaped_{number}", grain.surface, recipe, style.parents[shape.parent].name, style.unit,
+        studio.fit(grain), describe_shape(shape, style) or _KEPT,
+    )  # fmt: skip
+    factors = measure_population(
+        [clone.mesh()], (1,), name="clones", kind="clones", unit=style.unit, workers=0
+    )
+    if clones is None:
+        return SurfaceGeneration((clone,), factors, 1, _KEPT, (), 0, CloneOptions())
+    return replace(clones, clones=(*clones.clones, clone), factors=_joined(clones.factors, factors))
+
+
+def describe_shape(shape: GrainShape, style: SurfaceStyle) -> str:
+    """Return what was done to a parent beyond size, form and warp, in words; empty if nothing was."""
+    told = []
+    if shape.other is not None and shape.share > 0:
+        told.append(f"{100 * shape.share:.0f} % of {style.parents[shape.other].name}")
+    for name in ("coarse", "edges", "fine"):
+        gain = getattr(shape.gains, name)
+        if abs(gain - 1) > 1e-9:
+            told.append(f"{name} x {gain:.3f}")
+    return ", ".join(told)
+
+
+def _joined(first: Population, second: Population) -> Population:
+    """Return the rows of both, labelled from 1; what the second was not measured for is NaN."""
+    count = len(first) + len(second)
+    nothing = np.full(len(second), np.nan)
+    return replace(
+        first,
+        labels=np.arange(1, count + 1),
+        factors={
+            name: np.concatenate([column, second.factors.get(name, nothing)])
+            for name, column in first.factors.items()
+        },
+        reasons=(*first.reasons, *second.reasons),
+        warnings=(*first.warnings, *second.warnings),
+    )
