@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from mbstudio.core.imaging import FitResult, fit, start_fit
     from mbstudio.core.metaball import Avatar
     from mbstudio.core.metrics import ShapeFactors, measure
+    from mbstudio.core.packing import Packing, pack
+    from mbstudio.core.packing.comparing import compare_packings
+    from mbstudio.core.packing.reading import read_packing
     from mbstudio.core.project import Project
     from mbstudio.core.scan import Scan, open_scan
     from mbstudio.core.twin.result import TwinResult
@@ -38,6 +41,7 @@ _HOME_OF = {
     "Grain": "grains",
     "GrainSet": "grains",
     "MbstudioError": "errors",
+    "Packing": "packing",
     "Project": "project",
     "Scan": "scan",
     "ShapeFactors": "metrics",
@@ -46,6 +50,7 @@ _HOME_OF = {
     "SurfaceStyle": "cloning.surface_style",
     "TwinResult": "twin.result",
     "VoxelClassifier": "grains.classifying",
+    "compare_packings": "packing.comparing",
     "export": "dem",
     "fit": "imaging",
     "fit_parents": "cloning.parent_avatars",
@@ -59,6 +64,8 @@ _HOME_OF = {
     "load_surface_style": "cloning.surface_style_file",
     "measure": "metrics",
     "open_scan": "scan",
+    "pack": "packing",
+    "read_packing": "packing.reading",
     "save_surface_style": "cloning.surface_style_file",
     "segment": "grains",
     "serialize": "vae.serialize.serializer",
@@ -73,6 +80,7 @@ __all__ = [
     "Grain",
     "GrainSet",
     "MbstudioError",
+    "Packing",
     "Project",
     "Scan",
     "ShapeFactors",
@@ -82,6 +90,7 @@ __all__ = [
     "TwinResult",
     "VoxelClassifier",
     "__version__",
+    "compare_packings",
     "export",
     "fit",
     "fit_parents",
@@ -95,6 +104,8 @@ __all__ = [
     "load_surface_style",
     "measure",
     "open_scan",
+    "pack",
+    "read_packing",
     "save_surface_style",
     "segment",
     "serialize",

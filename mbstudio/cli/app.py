@@ -30,6 +30,7 @@ from mbstudio.cli import (
     sweep,
     tour,
 )
+from mbstudio.cli.packings import pack, packing
 from mbstudio.core.errors import MbstudioError
 
 FAILED = 1
@@ -53,6 +54,8 @@ _COMMANDS: dict[ModuleType, Callable[..., None]] = {
     measure: measure.measure,
     report: report.report,
     export: export.export,
+    pack: pack.pack,
+    packing: packing.packing,
     learn: learn.learn,
     generate: generate.generate,
     judge: judge.judge,

@@ -124,6 +124,10 @@ class ExportError(MbstudioError):
     """DEM files that cannot be written, or would be misread by the engine."""
 
 
+class PackingError(MbstudioError):
+    """Grains that cannot be packed, a packing that is no good, or poses of other grains."""
+
+
 class ProjectError(MbstudioError):
     """A project file that cannot be read or written."""
 

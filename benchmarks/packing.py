@@ -1,0 +1,206 @@
+"""Packings: equal spheres against published ones, clones against their parents, MuJoCo against LAMMPS, time.
+
+Run: ``OMP_NUM_THREADS=1 python benchmarks/packing.py [spheres|clones|engines|time ...] [--seeds 4]
+[--count 200] [--friction 0.5] [--spheres 20] [--processes 1]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+from clones import shared
+
+from mbstudio.core.cloning.parent_avatars import fit_parents
+from mbstudio.core.cloning.surface_generation import generate_surfaces
+from mbstudio.core.cloning.surface_style import learn_surfaces
+from mbstudio.core.dem import SpecimenPlan, export
+from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.packing.comparing import Mean, PackingComparison, compare_packings
+from mbstudio.core.packing.grain_kinds import GrainKinds, prepare_kinds, sphere_avatars
+from mbstudio.core.packing.packer import pack
+from mbstudio.core.packing.packing import Packing
+from mbstudio.core.packing.reading import read_packing
+
+
+def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print a table in Markdown."""
+    print(f"\n{title}\n")
+    for row in (head, ["---"] * len(head), *rows):
+        print("| " + " | ".join(str(cell) for cell in row) + " |", flush=True)
+
+
+def parent_avatars(options: argparse.Namespace) -> list[Avatar]:
+    """Return metaballs freely fitted to 48 aggregates."""
+    style = fit_parents(learn_surfaces(shared("aggregates", "mm"), seed=0), options.n)
+    return [entry.avatar for entry in style.avatars]
+
+
+FRICTIONS = (0.0, 0.1, 0.3, 0.5, 1.0)
+COUNTS = (60, 200, 500)
+
+
+def packings(kinds: GrainKinds, count: int, friction: float, seeds: int, **options: object) -> list[Packing]:
+    """Return packings of the seeds 0, 1 and so on."""
+    return [pack(kinds, count, friction=friction, seed=seed, **options) for seed in range(seeds)]
+
+
+def told(mean: Mean, digits: int = 4) -> str:
+    return f"{mean.value:.{digits}f} ± {mean.error:.{digits}f}"
+
+
+def row_of(name: str, made: Sequence[Packing]) -> list[str]:
+    """Return porosity, coordination, overlap and seconds of packings of several seeds."""
+    found = [one.measures() for one in made]
+    return [
+        name,
+        told(Mean.of([one.porosity for one in found])),
+        told(Mean.of([one.coordination for one in found]), 2),
+        f"{100 * max(one.overlap for one in made):.3f} %",
+        f"{np.mean([one.history.get('seconds', np.nan) for one in made]):.1f}",
+    ]
+
+
+HEAD = ("", "porosity", "coordination", "largest overlap", "seconds")
+
+
+def spheres(options: argparse.Namespace) -> None:
+    ball = prepare_kinds([Avatar(np.zeros((1, 3)), np.array([0.25]), "mm")])
+    rows = []
+    for friction in FRICTIONS:
+        made = packings(ball, options.count, friction, options.seeds)
+        rows.append(row_of(f"friction {friction:g}", made))
+        print(rows[-1], flush=True)
+    print_table(f"{options.count} equal spheres, {options.seeds} seeds", HEAD, rows)
+
+
+def parents_and_clones(options: argparse.Namespace) -> tuple[list[Avatar], list[Avatar]]:
+    """Return metaballs freely fitted to 48 aggregates, and to as many clones of them, in the same way."""
+    style = learn_surfaces(shared("aggregates", "mm"), seed=0)
+    style = fit_parents(style, options.n, processes=options.processes)
+    clones = generate_surfaces(style, 48, options.clones_seed, processes=options.processes)
+    return [entry.avatar for entry in style.avatars], clones.avatars()
+
+
+def clones(options: argparse.Namespace) -> None:
+    parents, made = parents_and_clones(options)
+    kinds = {
+        "parents": prepare_kinds(parents, spheres=options.spheres, processes=options.processes),
+        "clones": prepare_kinds(made, spheres=options.spheres, processes=options.processes),
+    }
+    kinds["spheres"] = prepare_kinds(sphere_avatars(kinds["parents"].diameters, "mm"))
+    groups: dict[str, list[Packing]] = {}
+    for name, kind in kinds.items():
+        groups[name] = packings(kind, options.count, options.friction, options.seeds)
+        print(row_of(name, groups[name]), flush=True)
+    title = f"{options.count} grains, friction {options.friction}, {options.seeds} seeds"
+    print_table(title, HEAD, [row_of(name, group) for name, group in groups.items()])
+    tell_differences(compare_packings(groups))
+
+
+def tell_differences(found: PackingComparison) -> None:
+    print_table(
+        "Differences to the first",
+        ("", "of", "difference", "standard errors", "by chance", "differs"),
+        [
+            (d.measure, d.second, f"{d.value:+.4f} ± {d.error:.4f}", f"{abs(d.value) / d.error:.1f}",
+             f"{d.chance:.2g}", "yes" if d.differs else "no")
+            for d in found.differences
+        ],
+    )  # fmt: skip
+
+
+def settled_by_lammps(
+    avatars: Sequence[Avatar], program: str, count: int, seed: int, width: float, spheres_each: int
+) -> Packing:
+    """Return the specimen of an export as its own deck settles it; only the dump is added."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "lammps"
+        plan = SpecimenPlan(count, seed=seed, width=width, width_unit="mm")
+        export(avatars, "lammps", folder, density=2650.0, specimen=plan, spheres=spheres_each)
+        deck = folder / "in.specimen"
+        text = deck.read_text()
+        # The last frame alone: written when the run has ended.
+        last = "write_dump all custom last.lammpstrj id x y z modify sort id format float %.12g"
+        deck.write_text(re.sub(r"(?m)^run (\d+)$", rf"run \1\n{last}", text))
+        begun = time.monotonic()
+        subprocess.run([program, "-in", deck.name], cwd=folder, check=True, capture_output=True)
+        seconds = time.monotonic() - begun
+        made = read_packing(folder / "last.lammpstrj", avatars, specimen=folder / "specimen.csv")
+        return replace(made, history={**made.history, "seconds": seconds})
+
+
+def engines(options: argparse.Namespace) -> None:
+    program = shutil.which("lmp")
+    if program is None:
+        raise SystemExit("LAMMPS (lmp) is not installed.")
+    parents = parent_avatars(options)
+    kinds = prepare_kinds(parents, spheres=options.spheres, processes=options.processes)
+    ours = packings(kinds, options.count, 0.5, options.seeds)
+    width = 2 * ours[0].mould.half
+    theirs = [
+        settled_by_lammps(parents, program, options.count, seed, width, options.spheres)
+        for seed in range(options.seeds)
+    ]
+    rows = [row_of("MuJoCo", ours), row_of("LAMMPS, deck of the export", theirs)]
+    print_table(f"{options.count} aggregates, friction 0.5, {options.seeds} seeds", HEAD, rows)
+    tell_differences(compare_packings({"MuJoCo": ours, "LAMMPS": theirs}))
+
+
+def seconds(options: argparse.Namespace) -> None:
+    parents = parent_avatars(options)
+    begun = time.monotonic()
+    kinds = prepare_kinds(parents, spheres=options.spheres, processes=options.processes)
+    print(f"clumps of {len(kinds)} avatars: {time.monotonic() - begun:.1f} s")
+    rows = []
+    for count in COUNTS:
+        begun = time.monotonic()
+        made = pack(kinds, count, friction=options.friction, seed=0)
+        packed = time.monotonic()
+        inset = 1.0 if count > 100 else 0.8
+        found = made.measures(inset)
+        rows.append(
+            [count, f"{packed - begun:.1f}", f"{time.monotonic() - packed:.1f}", made.history["steps"],
+             f"{found.porosity:.3f}", f"{100 * made.overlap:.3f} %"]
+        )  # fmt: skip
+        print(rows[-1], flush=True)
+    print_table("Time", ("grains", "s to settle", "s to measure", "steps", "porosity", "overlap"), rows)
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "spheres": spheres,
+    "clones": clones,
+    "engines": engines,
+    "time": seconds,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--friction", type=float, default=0.5)
+    parser.add_argument("--spheres", type=int, default=20)
+    parser.add_argument("--clones-seed", type=int, default=0)
+    parser.add_argument("--n", type=int, default=120)
+    parser.add_argument("--processes", type=int, default=1)
+    options = parser.parse_args()
+    for part in options.parts or PARTS:
+        PARTS[part](options)
+
+
+if __name__ == "__main__":
+    main()
