@@ -151,7 +151,7 @@ def one_packing(
     kinds: tuple[str, ...], across: float, n: int, how: dict[str, float], seed: int, count: int
 ) -> tuple[dict[str, float], dict[str, float], int, int]:
     """Return the scores of the fit to labels and of the twin, and how many grains of how many were found."""
-    truth = scan_of(pack(list(kinds), across, count, seed), seed, **how)
+    truth = scan_of(pack(kinds, across, count, seed), seed, **how)
     scan = mb.Scan(truth.voxels, VoxelSize.parse(f"{_EDGE} um"))
     grains = mb.segment(scan)
     of, pairs = matched(truth, grains), true_pairs(truth.bodies)
@@ -234,7 +234,7 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     options.add_argument("--rows", default="smooth,noise,cupped,angular,spheres")
     options.add_argument("--seeds", default="101,102,103")
-    options.add_argument("--count", type=int, default=20)
+    options.add_argument("--count", type=int, default=14)
     options.add_argument("--sand", type=Path)
     options.add_argument("--crop", default="40:140,180:300,180:300")
     asked = options.parse_args()

@@ -7,7 +7,9 @@ voxels from subsamples before they are blurred.
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from scipy import ndimage
@@ -175,12 +177,17 @@ def _touch(
     return False
 
 
-def pack(kinds: list[str], across: float, count: int, seed: int) -> list[Body]:
+def pack(kinds: tuple[str, ...], across: float, count: int, seed: int) -> list[Body]:
     """Return bodies that touch: each comes from outside towards the middle until it meets another.
 
     Then it slides along that one, towards the middle again, until it meets a second. Every third stops
     before it touches the first, at a gap of 0.1 to 0.5 voxel.
     """
+    return deepcopy(_packed(kinds, across, count, seed))
+
+
+@cache
+def _packed(kinds: tuple[str, ...], across: float, count: int, seed: int) -> list[Body]:
     rng = np.random.default_rng(seed)
     bodies = [make_body(kinds[0], across, rng)]
     while len(bodies) < count:

@@ -29,6 +29,7 @@ from mbstudio.cli import (
     segment,
     sweep,
     tour,
+    twin,
 )
 from mbstudio.cli.packings import pack, packing
 from mbstudio.core.errors import MbstudioError
@@ -50,6 +51,7 @@ _COMMANDS: dict[ModuleType, Callable[..., None]] = {
     segment: segment.segment,
     edit: edit.edit,
     fit: fit.fit,
+    twin: twin.twin,
     sweep: sweep.sweep,
     measure: measure.measure,
     report: report.report,

@@ -222,6 +222,7 @@ def _result_message(result: FitResult) -> Message:
         "options": dict(result.options),
         "target": result.target,
         "reached": dict(result.reached),
+        "fitted_to": result.fitted_to,
     }
     arrays = {
         "centers": avatar.centers,
@@ -238,5 +239,5 @@ def _result_from(head: Head, arrays: Arrays) -> FitResult:
     verdict = Verdict(**{**head["verdict"], **told})
     return FitResult(
         avatar, arrays["history"], arrays["rms_history"], verdict, head["method"], head["n"], head["seed"],
-        head["options"], head["target"], head["reached"],
+        head["options"], head["target"], head["reached"], head["fitted_to"],
     )  # fmt: skip

@@ -20,6 +20,7 @@ from mbstudio.core.metaball.validity import Verdict
 
 Phase = Literal["clustering", "search"]
 Method = Literal["fast", "paper"]
+FittedTo = Literal["labels", "grey values"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +82,8 @@ class FitResult:
         is then the number that was found.
     reached : mapping
         What it has reached of the target, by measure: errors as shares, the overlap as it is.
+    fitted_to : {'labels', 'grey values'}
+        What the avatar was fitted to: the grain's voxels, or the scan's grey values with all other grains'.
     """
 
     avatar: Avatar
@@ -93,6 +96,7 @@ class FitResult:
     options: Mapping[str, Any] = field(default_factory=dict)
     target: str = ""
     reached: Mapping[str, float] = field(default_factory=dict)
+    fitted_to: FittedTo = "labels"
 
 
 class FitRun(Protocol):

@@ -17,7 +17,7 @@ from typing import Any, get_args
 import h5py
 import numpy as np
 
-from mbstudio.core.imaging.steps import FitResult, Method
+from mbstudio.core.imaging.steps import FitResult, FittedTo, Method
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.validity import Verdict
 from mbstudio.core.project.stored import ContentError, Stored, json_entries
@@ -48,11 +48,12 @@ _COLUMNS: tuple[tuple[str, Any, Callable[[FitResult], Any]], ...] = (
     ("options", _TEXT, lambda fit: json.dumps(dict(fit.options), default=asdict)),
     ("target", _TEXT, lambda fit: fit.target),
     ("reached", _TEXT, lambda fit: json.dumps(dict(fit.reached))),
+    ("fitted_to", _TEXT, lambda fit: fit.fitted_to),
 )
 # Columns that files written before them do not hold, and what stands for the missing values.
 _LATER: dict[str, Any] = {
     "smallest_neck": np.nan, "grain_genus": UNKNOWN_GENUS, "warnings": "", "options": "{}", "target": "",
-    "reached": "{}",
+    "reached": "{}", "fitted_to": "labels",
 }  # fmt: skip
 # The arrays of a fit, in their order where they lie one behind the other.
 _ARRAYS: dict[str, Callable[[FitResult], np.ndarray]] = {
@@ -134,7 +135,7 @@ def _kind(dtype: Any) -> type:
 
 def _one_cell(cells: Mapping[str, Any], name: str, dtype: Any) -> np.ndarray:
     """Return a cell as a column of one row."""
-    value = cells.get(name)
+    value = cells.get(name, _LATER.get(name))
     if type(value) is not _kind(dtype) or (type(value) is int and not -(2**63) <= value < 2**63):
         raise ContentError(f"{name} of a fit is missing or of another kind ({value!r:.80})")
     return np.array([value], dtype=object if dtype is _TEXT else dtype)
@@ -205,6 +206,7 @@ def _read_fit(cells: dict[str, Any], arrays: dict[str, np.ndarray]) -> FitResult
         options=json_entries(cells["options"], "fits/options"),
         target=cells["target"],
         reached=reached,
+        fitted_to=cells["fitted_to"],
     )
 
 
@@ -224,6 +226,8 @@ def _check_columns(table: Mapping[str, list[str] | np.ndarray]) -> None:
             raise ContentError(f"fits/{name} holds numbers below {least}")
     if not set(table["method"]) <= set(get_args(Method)):
         raise ContentError("fits/method names a method that there is not")
+    if not set(table["fitted_to"]) <= set(get_args(FittedTo)):
+        raise ContentError("fits/fitted_to names what nothing is fitted to")
 
 
 def _or_unknown(genus: int | None) -> int:

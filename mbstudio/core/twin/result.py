@@ -7,10 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
 
+from mbstudio.core.grains.grain_set import GrainSet
+from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.twin.fabric import Fabric, measure_fabric
+from mbstudio.core.twin.kept_fits import fit_of_twin
 from mbstudio.core.twin.levels import Levels
+from mbstudio.core.twin.middles import middle_of_volume
 from mbstudio.core.twin.residuals import residual_volume
 from mbstudio.core.twin.sweeps import Sweeps
 
@@ -49,7 +54,41 @@ class TwinResult:
     unit: str
     seed: int
     _run: Sweeps = field(repr=False)
+    _fits: Mapping[int, FitResult] = field(repr=False)
 
     def residual_volume(self) -> Float32[np.ndarray, "Z Y X"]:
         """Return scan less model in contrasts, voxel by voxel; 0 outside the field of view."""
         return residual_volume(self._run)
+
+    def fabric(self, seed: int = 0) -> Fabric:
+        """Return coordination numbers and fabric tensors of the contacts.
+
+        Raises
+        ------
+        TwinError
+            If no pair of grains is a contact.
+        """
+        cut = frozenset(self.residuals.loc[self.residuals["touches_border"], "label"].tolist())
+        return measure_fabric(self.contacts, list(self.avatars), cut, seed=seed)
+
+    def middles(self) -> dict[int, Float64[np.ndarray, "3"]]:
+        """Return the middle of each avatar's volume (x, y, z) in the unit of the scan."""
+        frame = self._run.frame
+        return {
+            body.label: frame.points_of(middle_of_volume(body.control)[None])[0] for body in self._run.bodies
+        }
+
+    def fits(self, grains: GrainSet) -> dict[int, FitResult]:
+        """Return the avatars as fits, as a project keeps them, by label; those at the border left out.
+
+        Parameters
+        ----------
+        grains : GrainSet
+            That the twin was made of.
+        """
+        residuals, edge = self.residuals.set_index("label"), self._run.frame.edge
+        return {
+            label: fit_of_twin(avatar, grains.grain(label), residuals.loc[label], self._fits.get(label), edge)
+            for label, avatar in self.avatars.items()
+            if not residuals.loc[label, "touches_border"]
+        }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -53,8 +54,8 @@ def fit_missing(
     seed: int,
     workers: int | None,
     progress: Callable[[float, str], None] | None = None,
-) -> tuple[dict[int, Avatar], dict[int, str]]:
-    """Return an avatar of each grain to start from, and notes on those that were none of the usual kind.
+) -> tuple[dict[int, Avatar], dict[int, FitResult]]:
+    """Return an avatar of each grain to start from, and the fits to labels that they are of, where they are.
 
     Parameters
     ----------
@@ -69,29 +70,30 @@ def fit_missing(
     seed, workers
         As in :func:`~mbstudio.core.batch.many_fits.fit_many`.
     """
+    wanted = set(labels)
+    fits = {label: fit for label, fit in known.items() if label in wanted and isinstance(fit, FitResult)}
     found = {
         label: fit.avatar if isinstance(fit, FitResult) else fit
         for label, fit in known.items()
-        if label in set(labels)
+        if label in wanted
     }
     voxels = dict(zip(grains.table["label"].tolist(), grains.table["voxels"].tolist(), strict=True))
     by_number: dict[int, list[int]] = {}
     for label in labels:
         if label not in found:
             by_number.setdefault(number_for(int(voxels[label]), n, noise), []).append(label)
-    notes: dict[int, str] = {}
     missing = sum(map(len, by_number.values()))
     for number, some in sorted(by_number.items(), reverse=True):
         hands = workers if len(some) >= _WORTH_PROCESSES else 0
         for item in fit_many(grains, some, n=number, seed=seed, workers=hands):
             if item.result is not None:
                 found[item.label] = item.result.avatar
+                fits[item.label] = replace(item.result, n=n)
             else:
                 found[item.label] = ball_for(grains.grain(item.label))
-                notes[item.label] = "started as a ball: no avatar fits its labels"
             if progress is not None:
                 progress(len(found) / max(missing, 1), "Fitting labels")
-    return {label: found[label] for label in labels}, notes
+    return {label: found[label] for label in labels}, fits
 
 
 def middle_and_radius(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "3"], float]:

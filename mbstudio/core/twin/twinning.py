@@ -54,7 +54,7 @@ class TwinRun:
         self._given, self._workers = dict(fits or {}), workers
         self.frame = Frame.of(self.scan)
         self._run: Sweeps | None = None
-        self._notes: dict[int, str] = {}
+        self._fits: dict[int, FitResult] = {}
         self._steps = self._all_steps()
 
     def __iter__(self) -> Iterator[TwinStep]:
@@ -76,7 +76,7 @@ class TwinRun:
         levels = find_levels(voxels, grains.labels, seen, rows, np.dtype(self.scan.voxels.dtype))
         labels = [row["label"] for row in rows]
         noise = levels.grain_noise / abs(levels.contrast)
-        avatars, self._notes = fit_missing(
+        avatars, self._fits = fit_missing(
             grains, self._given, labels, self.n, noise, self.seed, self._workers
         )
         grey = ((voxels - levels.void) / levels.contrast).astype(np.float32)
@@ -85,7 +85,9 @@ class TwinRun:
         table = grains.table
         border = dict(zip(table["label"].tolist(), table["touches_border"].tolist(), strict=True))
         for body in bodies:
-            body.note, body.touches_border = self._notes.get(body.label, ""), border[body.label]
+            body.touches_border = border[body.label]
+            if body.label not in self._fits and body.label not in self._given:
+                body.note = "started as a ball: no avatar fits its labels"
         threads = usable_cores() if self._workers is None else self._workers
         return Sweeps(voxels, grains.labels, seen, bodies, levels, frame, blur, self.sweeps, threads)
 
@@ -109,7 +111,7 @@ class TwinRun:
             return TwinResult(
                 avatars,
                 run.blur * self.frame.edge, run.levels, residual_table(run), contact_table(run),
-                run.misfit_at_start, run.misfit(), self.frame.unit, self.seed, run,
+                run.misfit_at_start, run.misfit(), self.frame.unit, self.seed, run, self._fits,
             )  # fmt: skip
 
 
