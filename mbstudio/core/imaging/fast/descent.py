@@ -12,6 +12,8 @@ from mbstudio.core.imaging.fast.relocation import relocate
 # How often control points are relocated, the steps between, and the share of them each time; the second where
 # there are many: a relocation costs less then than it gains.
 _RELOCATIONS_OF_FEW, _RELOCATIONS_OF_MANY, _MANY = (5, 8, 0.1), (7, 6, 0.07), 80
+# Blocks take longer to settle after one.
+_RELOCATIONS_OF_BLOCKS = (4, 6, 0.07)
 _STEPS_AFTER = 10  # the last relocation
 _FEWEST_TO_RELOCATE = 10
 _NOISE_TO_RELOCATE = 0.6
@@ -46,6 +48,8 @@ class Descent:
         # On few or long voxels relocated points would only follow the steps.
         worth = relocates and n >= _FEWEST_TO_RELOCATE and np.isfinite(prepared.area)
         most, self._every, self._share = _RELOCATIONS_OF_MANY if n >= _MANY else _RELOCATIONS_OF_FEW
+        if isinstance(search, BlockRefinement):
+            most, self._every, self._share = _RELOCATIONS_OF_BLOCKS
         self._relocations = most if worth else 0
         self._rng = np.random.default_rng([seed, 2])
         self._before = (rms, search.control)
