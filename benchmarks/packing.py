@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import resource
 import shutil
 import subprocess
 import tempfile
@@ -32,6 +33,7 @@ from mbstudio.core.packing.comparing import Mean, PackingComparison, compare_pac
 from mbstudio.core.packing.grain_kinds import GrainKinds, prepare_kinds, sphere_avatars
 from mbstudio.core.packing.packer import pack
 from mbstudio.core.packing.packing import Packing
+from mbstudio.core.packing.packing_files import write_packing
 from mbstudio.core.packing.reading import read_packing
 
 
@@ -48,8 +50,7 @@ def parent_avatars(options: argparse.Namespace) -> list[Avatar]:
     return [entry.avatar for entry in style.avatars]
 
 
-FRICTIONS = (0.0, 0.1, 0.3, 0.5, 1.0)
-COUNTS = (60, 200, 500)
+FRICTIONS = (0.0, 0.1, 0.5, 1.0)
 
 
 def packings(kinds: GrainKinds, count: int, friction: float, seeds: int, **options: object) -> list[Packing]:
@@ -159,24 +160,31 @@ def engines(options: argparse.Namespace) -> None:
     tell_differences(compare_packings({"MuJoCo": ours, "LAMMPS": theirs}))
 
 
+def made_grain(seed: int) -> Avatar:
+    """Return an irregular metaball of eight control points: what it costs to settle is up to its spheres."""
+    rng = np.random.default_rng(seed)
+    centers = rng.normal(size=(8, 3)) * [0.35, 0.25, 0.2]
+    return Avatar(centers, rng.uniform(0.3, 0.6, 8) ** 2 * 6 / 8, "mm", name=f"made_{seed}")
+
+
 def seconds(options: argparse.Namespace) -> None:
-    parents = parent_avatars(options)
-    begun = time.monotonic()
-    kinds = prepare_kinds(parents, spheres=options.spheres, processes=options.processes)
-    print(f"clumps of {len(kinds)} avatars: {time.monotonic() - begun:.1f} s")
+    kinds = prepare_kinds([made_grain(seed) for seed in range(12)], spheres=options.spheres, processes=1)
     rows = []
-    for count in COUNTS:
-        begun = time.monotonic()
+    for count in options.counts:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         made = pack(kinds, count, friction=options.friction, seed=0)
-        packed = time.monotonic()
-        inset = 1.0 if count > 100 else 0.8
-        found = made.measures(inset)
+        settled = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+        begun = time.process_time()
+        found = made.measures(1.0 if count > 100 else 0.8)
         rows.append(
-            [count, f"{packed - begun:.1f}", f"{time.monotonic() - packed:.1f}", made.history["steps"],
+            [count, f"{settled:.1f}", f"{time.process_time() - begun:.1f}", made.history["steps"],
              f"{found.porosity:.3f}", f"{100 * made.overlap:.3f} %"]
         )  # fmt: skip
         print(rows[-1], flush=True)
-    print_table("Time", ("grains", "s to settle", "s to measure", "steps", "porosity", "overlap"), rows)
+        if options.keep is not None:
+            write_packing(made, options.keep / str(count), inset=0.8)
+    head = ("grains", "CPU s to settle", "CPU s to measure", "steps", "porosity", "overlap")
+    print_table(f"Clumps of {options.spheres} spheres, friction {options.friction}", head, rows)
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
@@ -192,6 +200,8 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--counts", type=int, nargs="+", default=[60, 200, 500], help="of the part time")
+    parser.add_argument("--keep", type=Path, help="folder for the packings of the part time")
     parser.add_argument("--friction", type=float, default=0.5)
     parser.add_argument("--spheres", type=int, default=20)
     parser.add_argument("--clones-seed", type=int, default=0)

@@ -32,6 +32,10 @@ _REST = 1e-6
 _LOOKS_AT_REST = 3
 _LOOK_EVERY = 20  # steps
 _MOST_TIME = 400.0  # sqrt(d / g), beyond the time of the fall
+_PATIENCE = 40.0
+"""Time after the fall when drag sets in, in ``sqrt(d / g)``: a ball that spins in its place never stops."""
+_DRAG = 0.1
+"""Torque of the drag over the smallest moment of inertia and the spin, in ``sqrt(g / d)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +220,8 @@ def settle(task: SettlingTask, report: Report) -> Message:
     count, calm, energy = len(task.kinds), 0, float("inf")
     fall = np.sqrt(2 * task.fall)
     while data.time < task.steps * task.step:
+        if data.time > fall + _PATIENCE:
+            model.dof_damping[:] = _DRAG * np.repeat(task.moments.min(axis=1), 6)
         mujoco.mj_step(model, data, _LOOK_EVERY)
         _require_sound(data)
         energy = _mean_energy(data, task)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from mbstudio.core.packing.dumps import Frame, find_poses
 from mbstudio.core.packing.grain_kinds import prepare_kinds
 from mbstudio.core.packing.poses import COLUMNS, read_poses, write_poses
 from mbstudio.core.packing.reading import read_packing
+from tests.core.dem.conftest import engine_or_skip
 
 
 def test_a_table_of_poses_comes_back(settled, grains, tmp_path):
@@ -123,6 +125,22 @@ def test_dumped_spheres_give_the_poses_of_their_grains(exported, grains):
         )
     ]
     assert np.concatenate(spheres) == pytest.approx(np.array([row[1] for row in rows]), abs=1e-9)
+
+
+def test_what_lammps_has_written_comes_back(exported, grains):
+    """A short run of the deck: grains fall freely and do not turn."""
+    lammps, deck = engine_or_skip("LAMMPS")[0], exported / "in.specimen"
+    last = "write_dump all custom last.lammpstrj id x y z modify sort id format float %.12g"
+    deck.write_text(re.sub(r"(?m)^run \d+$", f"run 100\n{last}", deck.read_text()))
+    subprocess.run([lammps, "-in", deck.name], cwd=exported, check=True, capture_output=True)
+    step = float(re.search(r"(?m)^timestep (\S+)$", deck.read_text()).group(1))
+    start = read_poses(exported / "specimen.csv", NAMES)
+    back = read_packing(exported / "last.lammpstrj", grains, specimen=exported / "specimen.csv", names=NAMES)
+    assert back.history["steps"] == 100
+    fallen = start.positions - back.poses.positions
+    assert fallen[:, 2] == pytest.approx(9.81 * (100 * step) ** 2 / 2, rel=0.02)
+    assert np.abs(fallen[:, :2]).max() < 1e-9
+    assert back.poses.rotations == pytest.approx(start.rotations, abs=1e-5)
 
 
 @pytest.mark.parametrize(
