@@ -40,6 +40,7 @@ def learn_surface_style(
     as_json : bool
     """
     from mbstudio.core.cloning.parent_avatars import fit_parents
+    from mbstudio.core.cloning.parents_gap import find_gap
     from mbstudio.core.cloning.surface_style import learn_surfaces
     from mbstudio.core.cloning.surface_style_file import save_surface_style
     from mbstudio.core.metaball.avatar import Avatar
@@ -52,6 +53,9 @@ def learn_surface_style(
     with console.progress("Fitting avatars") as report:
         style = fit_parents(style, n, processes=processes, progress=report)
     save_surface_style(style, folder)
+    gap = find_gap(style)
+    if gap is not None:
+        console.tell(f"mbstudio: {gap}")
     errors = [entry.rms for entry in style.avatars]
     summary = {
         "style": str(folder),
@@ -163,5 +167,5 @@ def _write(found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: 
     with console.progress("Writing") as tell:
         export(
             found.avatars(), "metaball", folder, unit=unit, names=names, overwrite=overwrite, progress=tell,
-            attachments=files,
+            attachments=files, surfaces=found.meshes(),
         )  # fmt: skip

@@ -5,14 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstudio.core.errors import ExportError, MbstudioError
+from mbstudio.core.formulas import nominal_diameter
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.mass import MassProperties, mass_properties
+from mbstudio.core.metrics.surface_distance import VerticesFaces
 from mbstudio.core.metrics.surfaces import avatar_surface, pieces_and_voids
 from mbstudio.core.units import conversion_factor
+
+if TYPE_CHECKING:
+    import trimesh
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _RESERVED = {
@@ -43,33 +49,69 @@ class DemBody:
         Of the avatar where it came from, in the unit of the export: the pose
         ``x_source = com + rotation @ x_principal`` and the moments.
     source : Avatar
+    surface : pair of arrays, shapes (v, 3) and (f, 3), or None
+        The surface of record in the frame of `avatar`, where that is handed over in the avatar's place: mass
+        and pose are the surface's then.
     """
 
     name: str
     avatar: Avatar
     mass: MassProperties
     source: Avatar
+    surface: VerticesFaces | None = None
 
 
 def prepare_bodies(
-    avatars: Sequence[Avatar], names: Sequence[str], unit: str, density: float | None
-) -> list[DemBody]:
+    avatars: Sequence[Avatar], names: Sequence[str], unit: str, density: float | None,
+    surfaces: Sequence[trimesh.Trimesh | None] | None = None,
+) -> list[DemBody]:  # fmt: skip
     """Measure the avatars and turn each into its principal frame.
 
-    Without a density the mass properties are those for 1 kg/m**3; only volume and pose count then.
+    Without a density the mass properties are those for 1 kg/m**3; only volume and pose count then. Where
+    there is a surface, in the frame and unit of its avatar, it is measured in the avatar's place.
 
     Raises
     ------
     ExportError
         If an avatar is in several pieces, hollow, or has no volume.
     """
-    return [_prepare(avatar, name, unit, density) for avatar, name in zip(avatars, names, strict=True)]
+    given = [None] * len(avatars) if surfaces is None else surfaces
+    return [
+        _prepare(avatar, name, unit, density, surface)
+        for avatar, name, surface in zip(avatars, names, given, strict=True)
+    ]
 
 
-def _prepare(avatar: Avatar, name: str, unit: str, density: float | None) -> DemBody:
+def state_difference(body: DemBody, surface: trimesh.Trimesh) -> dict[str, Any]:
+    """Return what the manifest says of an avatar beside the surface of record that it was fitted to.
+
+    Parameters
+    ----------
+    body : DemBody
+    surface : trimesh.Trimesh
+        In the frame and unit of ``body.source``.
+    """
+    avatar = body.source
+    volume = mass_properties(surface, 1.0, unit=avatar.unit).volume
+    diameter = nominal_diameter(volume)
+    distances = avatar.signed_distance(np.asarray(surface.vertices, dtype=float), iterated=True)
+    factor = conversion_factor(avatar.unit, body.avatar.unit)
+    return {
+        "taken": body.surface is not None,
+        "volume": volume * factor**3,
+        "metaball_volume_error": mass_properties(avatar, 1.0).volume / volume - 1.0,
+        "metaball_rms_over_Dn": float(np.sqrt(np.square(distances).mean())) / diameter,
+        "metaball_largest_over_Dn": float(np.abs(distances).max()) / diameter,
+    }
+
+
+def _prepare(
+    avatar: Avatar, name: str, unit: str, density: float | None, surface: trimesh.Trimesh | None
+) -> DemBody:
     factor = conversion_factor(avatar.unit, unit)
+    measured = avatar if surface is None else surface
     try:
-        mass = mass_properties(avatar, 1.0 if density is None else density).to(unit)
+        mass = mass_properties(measured, 1.0 if density is None else density, unit=avatar.unit).to(unit)
         voids = pieces_and_voids(*avatar_surface(avatar).coarse)[1]
     except MbstudioError as error:
         raise ExportError(f"'{name}' cannot be exported: {error}") from error
@@ -85,7 +127,10 @@ def _prepare(avatar: Avatar, name: str, unit: str, density: float | None) -> Dem
         unit=unit,
         name=name,
     )
-    return DemBody(name, local, mass, avatar)
+    if surface is None:
+        return DemBody(name, local, mass, avatar)
+    vertices = (np.asarray(surface.vertices, dtype=float) * factor - mass.com) @ mass.rotation
+    return DemBody(name, local, mass, avatar, (vertices, np.asarray(surface.faces, dtype=np.int64)))
 
 
 def choose_names(avatars: Sequence[Avatar], names: Sequence[str] | None) -> list[str]:

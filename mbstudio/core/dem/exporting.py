@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstudio.core.dem.body import DemBody, choose_names, prepare_bodies
+from mbstudio.core.dem.body import DemBody, choose_names, prepare_bodies, state_difference
 from mbstudio.core.dem.folder import check_replaceable, replaced_folder
 from mbstudio.core.dem.manifest import (
     FILE_NAME,
@@ -27,6 +27,9 @@ from mbstudio.core.dem.target import Job, Progress, Target, complete_options, fi
 from mbstudio.core.errors import ExportError, MbstudioError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.units import parse_unit
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,7 @@ def export(
     progress: Progress | None = None,
     attachments: Mapping[str, str | bytes] | None = None,
     specimen: SpecimenPlan | None = None,
+    surfaces: Sequence[trimesh.Trimesh] | None = None,
     **options: Any,
 ) -> ExportReport:
     """Write avatars for a DEM engine: each with its centre of mass at the origin and principal axes.
@@ -97,6 +101,10 @@ def export(
     specimen : SpecimenPlan, optional
         Particles of a wanted size distribution: written as specimen.csv for every target, and as decks
         that pour them for LIGGGHTS and LAMMPS.
+    surfaces : sequence of trimesh.Trimesh, optional
+        The closed surface that each avatar was fitted to, in the avatar's frame and unit. Targets that hand
+        over meshes take it in the avatar's place, as it is; whatever is taken, the manifest says how the two
+        differ.
     **options
         The target's options.
 
@@ -115,17 +123,24 @@ def export(
     density = _checked_density(chosen.title, chosen.needs_density, density)
     settings = complete_options(chosen, options)
     names = choose_names(avatars, names)
+    if surfaces is not None and len(surfaces) != len(avatars):
+        raise ExportError(
+            f"{len(surfaces)} surfaces were given for {len(avatars)} avatars: give one for each."
+        )
     folder = Path(folder).expanduser()
     report_progress = progress or _ignore
     replaced = check_replaceable(folder, files_of_earlier_export, overwrite)
 
     with replaced_folder(folder, replaced, overwrite) as temporary:
-        bodies = _prepare_with(report_progress, avatars, names, unit, density)
+        taken = surfaces if chosen.geometry == "mesh" else None
+        bodies = _prepare_with(report_progress, avatars, names, unit, density, taken)
         particles = None if specimen is None else make_specimen(bodies, specimen, unit)
         job = Job(
             bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m),
             particles,
         )  # fmt: skip
+        for body, surface in zip(bodies, surfaces or (), strict=surfaces is not None):
+            job.remarks[body.name] = {"surface_of_record": state_difference(body, surface)}
         manifest = _write_files(job, chosen, attachments or {}, specimen)
         report_progress(0.9, "Reading back")
         try:
@@ -158,12 +173,14 @@ def _prepare_with(
     names: Sequence[str],
     unit: str,
     density: float | None,
+    surfaces: Sequence[trimesh.Trimesh] | None,
 ) -> list[DemBody]:
     """Return the bodies of avatars, telling of each."""
     bodies: list[DemBody] = []
-    for name, avatar in zip(names, avatars, strict=True):
+    for place, (name, avatar) in enumerate(zip(names, avatars, strict=True)):
         report_progress(0.4 * len(bodies) / len(avatars), f"Mass properties of {name}")
-        bodies += prepare_bodies([avatar], [name], unit, density)
+        surface = None if surfaces is None else surfaces[place]
+        bodies += prepare_bodies([avatar], [name], unit, density, [surface])
     return bodies
 
 

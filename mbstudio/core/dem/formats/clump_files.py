@@ -58,9 +58,10 @@ def fitted_clumps(job: Job) -> list[Clump]:
             continue
         tell = partial(_pass_progress, job, before, body.name)
         found = clump_for_target(body.avatar, wanted, progress=tell, fit=sphere_clump)
-        job.remarks[body.name] = {"clump_target": str(wanted), "reached": dict(found.values)}
+        remarks = job.remarks.setdefault(body.name, {})
+        remarks |= {"clump_target": str(wanted), "reached": dict(found.values)}
         if found.warning:
-            job.remarks[body.name]["warnings"] = [f"{body.name}: {found.warning}"]
+            remarks["warnings"] = [f"{body.name}: {found.warning}"]
         clumps.append(found.clump)
     return clumps
 

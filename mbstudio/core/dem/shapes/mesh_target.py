@@ -94,8 +94,12 @@ def mesh_of(
     Returns
     -------
     BodyMesh
-        With a warning where not even `MOST_CELLS` are near enough.
+        With a warning where not even `MOST_CELLS` are near enough. A surface of record is taken as it is.
     """
+    if body.surface is not None:
+        import trimesh
+
+        return BodyMesh(trimesh.Trimesh(*body.surface, process=False), 0, 0.0)
     errors = MeshErrors(body.avatar, nominal_diameter(body.mass.volume))
 
     def made(tried: int) -> BodyMesh:

@@ -19,7 +19,6 @@ from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.specimen.placing import random_quaternions, scattered
 from mbstudio.core.errors import ExportError
-from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metrics.measuring import measure
 from mbstudio.core.metrics.surfaces import avatar_surface
 from mbstudio.core.populations.sieving import SizeDistribution
@@ -130,7 +129,7 @@ class SpecimenKinds:
             tuple(body.name for body in bodies),
             np.array([measure(body.avatar).intermediate for body in bodies]),
             np.array([body.mass.volume for body in bodies]),
-            np.array([_reach(body.avatar) for body in bodies]),
+            np.array([_reach(body) for body in bodies]),
             unit,
         )
 
@@ -288,8 +287,8 @@ def in_classes(specimen: Specimen, classes: int) -> Specimen:
     return replace(specimen, scales=scales, sizes=sizes)
 
 
-def _reach(avatar: Avatar) -> float:
-    vertices, _ = avatar_surface(avatar).coarse
+def _reach(body: DemBody) -> float:
+    vertices, _ = avatar_surface(body.avatar).coarse if body.surface is None else body.surface
     return float(np.linalg.norm(vertices, axis=1).max())
 
 

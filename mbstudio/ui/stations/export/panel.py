@@ -87,6 +87,8 @@ class ExportPanel(Panel):
 
         self.add(label(tr("Target"), "key"), self.target)
         self.add(row(tr("Avatars"), self.selection, tr("Which avatars to export")))
+        self._bodies = label("", "hint", wrap=True)
+        self.add(self._bodies)
         self.add(row(tr("Unit of the files"), self.unit, tr("All lengths in the files are in this unit")))
         self.add(self._density_row, self.options, self.preview)
         self.add_heading(tr("Specimen"))
@@ -254,8 +256,24 @@ class ExportPanel(Panel):
         self._write_hint()
         self.shape_changed.emit()
 
+    def _say_which_bodies(self) -> None:
+        """Say what of clones of surfaces is written: the surface of record, or the metaball."""
+        of_surfaces = (
+            self.selection.currentData() == "clones" and self._workspace.state.surface_clones is not None
+        )
+        meshes = targets()[self.target_name].geometry == "mesh"
+        self._bodies.setVisible(of_surfaces)
+        self._bodies.setText(
+            tr("Written are the surfaces of record. The manifest says how the metaballs differ.")
+            if meshes
+            else tr(
+                "Written are the metaballs. The manifest says how they differ from the surfaces of record."
+            )
+        )
+
     def _write_hint(self) -> None:
         fault = self._fault()
+        self._say_which_bodies()
         if not self._workspace.state.fits and not self.count:
             text = tr("No avatars yet: fit some grains first (station Fit).")
         elif not self.count:
@@ -288,4 +306,5 @@ class ExportPanel(Panel):
         for unit in target.units or UNITS:
             self.unit.addItem(unit_label(unit), unit)
         self.options.show_target(target)
+        self._say_which_bodies()
         self.shape_changed.emit()

@@ -45,12 +45,15 @@ class ChosenAvatars:
         Files that go with them.
     factors : Population or None
         Of the avatars, row by row, where they were measured when they were made.
+    surfaces : SurfaceGeneration or None
+        Clones with a surface of record, which targets of meshes may take.
     """
 
     named: tuple[tuple[str, Avatar], ...] = ()
     what: str = "avatar"
     attachments: Mapping[str, str] = field(default_factory=dict)
     factors: Population | None = None
+    surfaces: SurfaceGeneration | None = None
 
     def __len__(self) -> int:
         return len(self.named)
@@ -74,7 +77,8 @@ def chosen_clones(clones: Generation | SurfaceGeneration) -> ChosenAvatars:
     if isinstance(clones, SurfaceGeneration):
         attached[CLONES_TABLE] = clones_table(clones).to_csv(index=False, lineterminator="\r\n")
     named = tuple(zip(clones.names, clones.avatars(), strict=True))
-    return ChosenAvatars(named, "clone", attached, clones.factors)
+    surfaces = clones if isinstance(clones, SurfaceGeneration) else None
+    return ChosenAvatars(named, "clone", attached, clones.factors, surfaces)
 
 
 def chosen_kept(learner: StyleLearner, kept: Sequence[KeptGrain]) -> ChosenAvatars:
@@ -104,9 +108,10 @@ class ExportWork(Work):
         plain = {key: value for key, value in given.items() if key != "options"}
 
         def work(control: Control) -> Any:
+            surfaces = None if chosen.surfaces is None else chosen.surfaces.meshes()
             return export(
                 avatars, target, folder, names=names, progress=control.progress,
-                attachments=chosen.attachments, **plain, **given["options"],
+                attachments=chosen.attachments, surfaces=surfaces, **plain, **given["options"],
             )  # fmt: skip
 
         task = Task(tr("Exporting {avatars}", avatars=told), work)

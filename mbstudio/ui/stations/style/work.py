@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mbstudio.core.vae.models.training import StyleTraining
     from mbstudio.core.vae.models.training_step import TrainingStep
     from mbstudio.core.vae.serialize.serialization import Serialization, Template
+    from mbstudio.core.vae.serialize.template_loss import TemplateLoss
 
 KEPT_EVERY = 10.0  # seconds; what a training has learned until then outlives a crash
 _MANY = 16  # bodies for which starting processes pays
@@ -77,6 +78,7 @@ class _Serialized:
     state: ProjectState
     parents: Serialization
     told: tuple[str, ...]
+    loss: TemplateLoss | None = None
 
     def is_from(self, key: tuple[Any, ...], state: ProjectState) -> bool:
         same = self.state.grains is state.grains and self.state.fits is state.fits
@@ -281,7 +283,7 @@ class StyleWork(Work):
         self.began.emit()
         task = Task(tr("Learning the style"), work, fraction=_fraction)
         task.reported.connect(self._report)
-        task.succeeded.connect(lambda last: self._keep_learner(last, title, serialized.told))
+        task.succeeded.connect(lambda last: self._keep_learner(last, title, serialized))
         task.ended.connect(self.arrived)
         return self.run.start(task, end_early)
 
@@ -295,13 +297,17 @@ class StyleWork(Work):
             self.records += records
             self.recorded.emit(records)
 
-    def _keep_learner(self, last: object, title: str, told: tuple[str, ...]) -> None:
+    def _keep_learner(self, last: object, title: str, serialized: _Serialized) -> None:
         if not isinstance(last, _Learned):
             return
-        card = last.learner.card
+        learner, card = last.learner, last.learner.card
+        if serialized.loss is not None:
+            # Beside the style wherever it goes: what is learned from has lost this already.
+            card = replace(card, notes=(*card.notes, describe_loss(serialized.loss)))
+            learner = replace(learner, card=card)
         self._learning = None
-        self.workspace.use_style(last.learner, title)
-        notes = [*told, *[step.note for step in self.records if step.note]]
+        self.workspace.use_style(learner, title)
+        notes = [*serialized.told, *[step.note for step in self.records if step.note]]
         words = [tr("Learned the style of {count} parents.", count=card.count)]
         if np.isfinite(card.held_out_rms):
             error = percent(card.held_out_rms)
@@ -356,6 +362,16 @@ def percent(share: float) -> str:
     return f"{100 * share:.2f} %" if share >= 5e-5 else tr("less than 0.01 %")
 
 
+def describe_loss(loss: TemplateLoss) -> str:
+    """Return what grains have lost to the template, in words."""
+    return tr(
+        "Loss of the template against {grains} grains: volume {volume:+.2f} %, convexity {convexity:+.3f}.",
+        grains=loss.grains,
+        volume=100 * loss.volume,
+        convexity=loss.convexity,
+    )
+
+
 def _name(label: int) -> str:
     return f"grain {label}"
 
@@ -367,6 +383,7 @@ def _serialized(
     from mbstudio.core.errors import SerializationWarning
     from mbstudio.core.vae.serialize.mesh_folder import read_parents
     from mbstudio.core.vae.serialize.serializer import serialize
+    from mbstudio.core.vae.serialize.template_loss import measure_loss
 
     bodies: list[Any]
     if parents.source == "folder":
@@ -385,7 +402,9 @@ def _serialized(
             processes=usable_cores() if len(bodies) >= _MANY else 1, on_progress=control.progress,
         )  # fmt: skip
     words = tuple(str(entry.message) for entry in told if issubclass(entry.category, SerializationWarning))
-    return _Serialized(key, state, found, words)
+    control.report(-1.0, tr("Comparing with the grains"))
+    loss = measure_loss(bodies, found, unit=parents.unit) if len(found) == len(bodies) else None
+    return _Serialized(key, state, found, words, loss)
 
 
 def _drive(learning: _Learning) -> Iterator[TrainingStep | _Learned]:
