@@ -91,6 +91,7 @@ class SurfaceWork(Work):
         self._ready: _Ready | None = None
         self._steps: list[Step] = []
         self._place = 0
+        self._scales: tuple[Step, str, float] | None = None
         self.grain: ShapedGrain | None = None
         self.at_rest: ShapedGrain | None = None
         self.fitted: SurfaceAvatar | None = None
@@ -139,7 +140,7 @@ class SurfaceWork(Work):
     def _forget(self) -> None:
         self._ready, self._steps, self._place = None, [], 0
         self.grain = self.at_rest = self.fitted = None
-        self.is_held = False
+        self.is_held, self._scales = False, None
         self._rest.stop()
 
     def _use(self, ready: _Ready) -> None:
@@ -230,9 +231,12 @@ class SurfaceWork(Work):
         ready, step, fine = self._ready, self.step, self.at_rest
         if ready is None or step is None or fine is None or fine.shape is not step.shape:
             return 1.0
-        coarse = ready.moving.make(step.shape, hull=factor == "convexity").values.get(factor)
-        true = fine.values.get(factor)
-        return 1.0 if not coarse or not true else coarse / true
+        known = self._scales
+        if known is None or known[0] is not step or known[1] != factor:
+            coarse = ready.moving.make(step.shape, hull=factor == "convexity").values.get(factor)
+            true = fine.values.get(factor)
+            known = self._scales = (step, factor, 1.0 if not coarse or not true else coarse / true)
+        return known[2]
 
     def commit(self, change: Change, words: str) -> bool:
         """Carry a change out, as one step of undo; return whether it could be."""
