@@ -222,7 +222,8 @@ def sand(path: Path, crop: str) -> None:
     print(
         f"{path.name} [{crop}]: {len(grains)} grains, tone {levels.tone_model}, void {levels.void_model}, "
         f"blur {found.blur / scan.voxel_size.x:.3f} voxel, noise in grains {noise:.4f} of the contrast\n"
-        f"misfit near the surfaces over that noise: {found.misfit_before / noise:.2f} before, "
+        "misfit near the surface over that noise, median of the grains: "
+        f"{found.misfit_before / noise:.2f} before, "
         f"{found.misfit / noise:.2f} after\n"
         f"converged {int(rows['converged'].sum())} of {len(rows)}, contacts {int(touching.sum())}, "
         f"{seconds:.2f} CPU s a grain with the fit to labels"

@@ -20,8 +20,8 @@ TOUCHING = 0.1
 """Voxels: bodies whose gap is no larger touch."""
 FARTHEST = 1.0
 """Voxels: pairs with a larger gap are not listed."""
-MODEL_DEVIATION = 0.03
-"""Voxels: what avatars and blur leave of a gap's error where noise leaves none; from phantoms."""
+MODEL_DEVIATION = 0.06
+"""Voxels: what avatars and blur leave of a gap's error where noise leaves none; from smooth phantoms."""
 EVEN = 0.1
 """Voxels: where the gap is larger than the least by no more, it counts as contact area."""
 _SEARCHED = 2.0  # voxels from the surface of one body where the other is looked for

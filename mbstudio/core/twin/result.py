@@ -13,7 +13,7 @@ from mbstudio.core.grains.grain_set import GrainSet
 from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.twin.fabric import Fabric, measure_fabric
-from mbstudio.core.twin.kept_fits import fit_of_twin
+from mbstudio.core.twin.kept_fits import fit_of_twin, usual_limits
 from mbstudio.core.twin.levels import Levels
 from mbstudio.core.twin.middles import middle_of_volume
 from mbstudio.core.twin.residuals import residual_volume
@@ -38,8 +38,8 @@ class TwinResult:
         A row a pair of grains that touch or nearly do; see
         :func:`~mbstudio.core.twin.contacts.contact_table`.
     misfit_before, misfit : float
-        Root mean square of scan less model near the surfaces, in contrasts: with the avatars as they
-        started, and as they are.
+        Scan less model near a grain's surface, root mean square in contrasts, and the median of that over
+        the grains: with the avatars as they started, and as they are.
     unit : str
     seed : int
     """
@@ -86,9 +86,12 @@ class TwinResult:
         grains : GrainSet
             That the twin was made of.
         """
-        residuals, edge = self.residuals.set_index("label"), self._run.frame.edge
+        residuals, limits = self.residuals.set_index("label"), usual_limits(self.residuals)
+        known, edge = self._fits, self._run.frame.edge
         return {
-            label: fit_of_twin(avatar, grains.grain(label), residuals.loc[label], self._fits.get(label), edge)
+            label: fit_of_twin(
+                avatar, grains.grain(label), residuals.loc[label], limits, known.get(label), edge
+            )
             for label, avatar in self.avatars.items()
             if not residuals.loc[label, "touches_border"]
         }

@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float32, Int
 from mbstudio.core.twin.body import HUBER, Body, Share, Surroundings, advance, render, surface_change
 from mbstudio.core.twin.frame import Frame
 from mbstudio.core.twin.levels import Levels, place_terms, void_shape
-from mbstudio.core.twin.optics import REACH
 from mbstudio.core.twin.placing import colour_bodies
 from mbstudio.core.twin.soundness import draw_back, is_whole
 
@@ -214,12 +213,15 @@ class Sweeps:
             self.grey = self._normalised()
 
     def misfit(self) -> float:
-        """Return the root mean square residual near the surfaces, in contrasts."""
-        squares, count = 0.0, 0
+        """Return the median over the bodies of the root mean square residual near the surface, in contrasts.
+
+        Bright minerals in a few grains, or a few wrong labels, do not show in it.
+        """
+        found = []
         for body in self.bodies:
-            found = render(body, self.frame.spacing, body.blur)
-            near = found.feet.places[np.abs(found.feet.distance) <= REACH * body.blur]
+            near = render(body, self.frame.spacing, body.blur).feet.places
             kept = near[self.seen[body.box].ravel()[near]]
             rest = (self.grey[body.box] - self.model[body.box]).ravel()[kept].astype(np.float64)
-            squares, count = squares + float((rest**2).sum()), count + len(kept)
-        return float(np.sqrt(squares / max(count, 1)))
+            if len(rest):
+                found.append(float(np.sqrt((rest**2).mean())))
+        return float(np.median(found)) if found else 0.0

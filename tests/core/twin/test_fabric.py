@@ -11,6 +11,7 @@ import pyvista
 import mbstudio as mb
 from mbstudio.core.errors import ExportError, TwinError
 from mbstudio.core.twin.fabric import fabric_tensor, measure_fabric
+from mbstudio.core.twin.kept_fits import usual_limits
 from mbstudio.core.twin.label_contacts import contacts_of_labels
 from mbstudio.core.twin.network_files import write_network
 
@@ -100,3 +101,10 @@ def test_a_twin_gives_fabric_and_fits(phantom):
     assert found.middles()[3] == pytest.approx(
         np.asarray(phantom.scan.origin) + 20 * np.array([16.1, 27.4, 12.7]), abs=2
     )
+
+
+def test_grains_that_stand_out_from_the_others_are_told():
+    even = pd.DataFrame({"peak": [0.4, 0.45, 0.5], "moved": [0.04, 0.05, 0.06]})
+    assert usual_limits(even).tolist() == pytest.approx([0.9, 0.15])
+    clean = pd.DataFrame({"peak": [0.02, 0.03, 0.04], "moved": [0.001, 0.002, 0.003]})
+    assert usual_limits(clean).tolist() == pytest.approx([0.12, 0.05])
