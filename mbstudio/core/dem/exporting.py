@@ -115,20 +115,13 @@ def export(
     UnitError
         If the unit is unknown.
     """
-    avatars = [avatars] if isinstance(avatars, Avatar) else list(avatars)
-    if not avatars:
-        raise ExportError("There is no avatar to export: fit a grain first.")
+    avatars = _listed(avatars, surfaces)
     chosen = find_target(target)
     unit = _choose_unit(chosen, unit, avatars[0].unit)
     density = _checked_density(chosen.title, chosen.needs_density, density)
     settings = complete_options(chosen, options)
     names = choose_names(avatars, names)
-    if surfaces is not None and len(surfaces) != len(avatars):
-        raise ExportError(
-            f"{len(surfaces)} surfaces were given for {len(avatars)} avatars: give one for each."
-        )
-    folder = Path(folder).expanduser()
-    report_progress = progress or _ignore
+    folder, report_progress = Path(folder).expanduser(), progress or _ignore
     replaced = check_replaceable(folder, files_of_earlier_export, overwrite)
 
     with replaced_folder(folder, replaced, overwrite) as temporary:
@@ -139,16 +132,36 @@ def export(
             bodies, temporary, unit, density, settings, lambda f, m: report_progress(0.4 + 0.5 * f, m),
             particles,
         )  # fmt: skip
-        for body, surface in zip(bodies, surfaces or (), strict=surfaces is not None):
-            job.remarks[body.name] = {"surface_of_record": state_difference(body, surface)}
+        _state_differences(job, surfaces)
         manifest = _write_files(job, chosen, attachments or {}, specimen)
         report_progress(0.9, "Reading back")
-        try:
-            validate(temporary)
-        except ExportError as error:
-            raise ExportError(str(error).replace(str(temporary), str(folder))) from error
+        _validate_before(temporary, folder)
     report_progress(1.0, "Exported")
     return _report_on(folder, manifest)
+
+
+def _listed(avatars: Avatar | Sequence[Avatar], surfaces: Sequence[trimesh.Trimesh] | None) -> list[Avatar]:
+    """Return the avatars, of which there are some, and with surfaces as many as these."""
+    found = [avatars] if isinstance(avatars, Avatar) else list(avatars)
+    if not found:
+        raise ExportError("There is no avatar to export: fit a grain first.")
+    if surfaces is not None and len(surfaces) != len(found):
+        raise ExportError(f"{len(surfaces)} surfaces were given for {len(found)} avatars: give one for each.")
+    return found
+
+
+def _state_differences(job: Job, surfaces: Sequence[trimesh.Trimesh] | None) -> None:
+    """Have the manifest say how each avatar differs from the surface that it was fitted to."""
+    for body, surface in zip(job.bodies, surfaces or (), strict=surfaces is not None):
+        job.remarks[body.name] = {"surface_of_record": state_difference(body, surface)}
+
+
+def _validate_before(temporary: Path, folder: Path) -> None:
+    """Read back what is still to be moved to its folder, and name that in errors."""
+    try:
+        validate(temporary)
+    except ExportError as error:
+        raise ExportError(str(error).replace(str(temporary), str(folder))) from error
 
 
 def _report_on(folder: Path, manifest: Mapping[str, Any]) -> ExportReport:
