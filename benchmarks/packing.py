@@ -24,16 +24,22 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 from clones import shared
 
+from mbstudio.core.batch.pool import WorkerPool
 from mbstudio.core.cloning.parent_avatars import fit_parents
 from mbstudio.core.cloning.surface_generation import generate_surfaces
 from mbstudio.core.cloning.surface_style import learn_surfaces
-from mbstudio.core.dem import SpecimenPlan, export
+from mbstudio.core.dem import SpecimenPlan, export, make_specimen
+from mbstudio.core.dem.body import prepare_bodies
 from mbstudio.core.metaball.avatar import Avatar
+from mbstudio.core.packing import packer
 from mbstudio.core.packing.comparing import Mean, PackingComparison, compare_packings
 from mbstudio.core.packing.grain_kinds import GrainKinds, prepare_kinds, sphere_avatars
+from mbstudio.core.packing.mujoco_engine import SettlingJob
 from mbstudio.core.packing.packer import pack
 from mbstudio.core.packing.packing import Packing
 from mbstudio.core.packing.packing_files import write_packing
+from mbstudio.core.packing.plan import PackingPlan
+from mbstudio.core.packing.poses import Poses
 from mbstudio.core.packing.reading import read_packing
 
 
@@ -42,12 +48,6 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]
     print(f"\n{title}\n")
     for row in (head, ["---"] * len(head), *rows):
         print("| " + " | ".join(str(cell) for cell in row) + " |", flush=True)
-
-
-def parent_avatars(options: argparse.Namespace) -> list[Avatar]:
-    """Return metaballs freely fitted to 48 aggregates."""
-    style = fit_parents(learn_surfaces(shared("aggregates", "mm"), seed=0), options.n)
-    return [entry.avatar for entry in style.avatars]
 
 
 FRICTIONS = (0.0, 0.1, 0.5, 1.0)
@@ -123,6 +123,13 @@ def tell_differences(found: PackingComparison) -> None:
     )  # fmt: skip
 
 
+def made_grain(seed: int) -> Avatar:
+    """Return an irregular metaball of eight control points: what it costs to settle is up to its spheres."""
+    rng = np.random.default_rng(seed)
+    centers = rng.normal(size=(8, 3)) * [0.35, 0.25, 0.2]
+    return Avatar(centers, rng.uniform(0.3, 0.6, 8) ** 2 * 6 / 8, "mm", name=f"made_{seed}")
+
+
 def settled_by_lammps(
     avatars: Sequence[Avatar], program: str, count: int, seed: int, width: float, spheres_each: int
 ) -> Packing:
@@ -143,11 +150,24 @@ def settled_by_lammps(
         return replace(made, history={**made.history, "seconds": seconds})
 
 
+def from_the_same_start(avatars: Sequence[Avatar], kinds: GrainKinds, plan: PackingPlan) -> Packing:
+    """Return what MuJoCo makes of the specimen of an export: the same grains in the same places."""
+    _, mould, _ = packer.place_grains(kinds, plan)
+    bodies = prepare_bodies(avatars, kinds.names, "mm", 1.0)
+    specimen = SpecimenPlan(plan.count, seed=plan.seed, width=2 * mould.half, width_unit="mm")
+    made = make_specimen(bodies, specimen, "mm")
+    start = Poses(made.kinds, made.scales, made.positions, made.quaternions)
+    scale = float(kinds.diameters[start.kinds].mean())
+    task = packer.settling_task(kinds, start, mould, plan, scale, made.top)
+    settled = WorkerPool(SettlingJob(), 1).map([task])[0]
+    return packer._accepted(kinds, start, mould, plan, settled, scale, float("nan"))
+
+
 def engines(options: argparse.Namespace) -> None:
     program = shutil.which("lmp")
     if program is None:
         raise SystemExit("LAMMPS (lmp) is not installed.")
-    parents = parent_avatars(options)
+    parents = [made_grain(seed) for seed in range(12)]
     kinds = prepare_kinds(parents, spheres=options.spheres, processes=options.processes)
     ours = packings(kinds, options.count, 0.5, options.seeds)
     width = 2 * ours[0].mould.half
@@ -155,16 +175,17 @@ def engines(options: argparse.Namespace) -> None:
         settled_by_lammps(parents, program, options.count, seed, width, options.spheres)
         for seed in range(options.seeds)
     ]
-    rows = [row_of("MuJoCo", ours), row_of("LAMMPS, deck of the export", theirs)]
-    print_table(f"{options.count} aggregates, friction 0.5, {options.seeds} seeds", HEAD, rows)
-    tell_differences(compare_packings({"MuJoCo": ours, "LAMMPS": theirs}))
-
-
-def made_grain(seed: int) -> Avatar:
-    """Return an irregular metaball of eight control points: what it costs to settle is up to its spheres."""
-    rng = np.random.default_rng(seed)
-    centers = rng.normal(size=(8, 3)) * [0.35, 0.25, 0.2]
-    return Avatar(centers, rng.uniform(0.3, 0.6, 8) ** 2 * 6 / 8, "mm", name=f"made_{seed}")
+    same = [
+        from_the_same_start(parents, kinds, PackingPlan(options.count, seed=seed, spheres=options.spheres))
+        for seed in range(options.seeds)
+    ]
+    rows = [
+        row_of("MuJoCo", ours),
+        row_of("MuJoCo, same start", same),
+        row_of("LAMMPS, deck of the export", theirs),
+    ]
+    print_table(f"{options.count} made grains, friction 0.5, {options.seeds} seeds", HEAD, rows)
+    tell_differences(compare_packings({"LAMMPS": theirs, "MuJoCo": ours, "same start": same}))
 
 
 def seconds(options: argparse.Namespace) -> None:

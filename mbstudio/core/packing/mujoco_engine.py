@@ -35,7 +35,9 @@ _MOST_TIME = 400.0  # sqrt(d / g), beyond the time of the fall
 _PATIENCE = 40.0
 """Time after the fall when drag sets in, in ``sqrt(d / g)``: a ball that spins in its place never stops."""
 _DRAG = 0.1
-"""Torque of the drag over the smallest moment of inertia and the spin, in ``sqrt(g / d)``."""
+"""Torque of the drag at first, over the smallest moment of inertia and the spin, in ``sqrt(g / d)``; it
+doubles each time that patience ends. A free grain would still fall at speeds far from rest."""
+_MOST_DOUBLINGS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +222,7 @@ def settle(task: SettlingTask, report: Report) -> Message:
     count, calm, energy = len(task.kinds), 0, float("inf")
     fall = np.sqrt(2 * task.fall)
     while data.time < task.steps * task.step:
-        if data.time > fall + _PATIENCE:
-            model.dof_damping[:] = _DRAG * np.repeat(task.moments.min(axis=1), 6)
+        model.dof_damping[:] = _drag(data.time - fall) * np.repeat(task.moments.min(axis=1), 6)
         mujoco.mj_step(model, data, _LOOK_EVERY)
         _require_sound(data)
         energy = _mean_energy(data, task)
@@ -250,6 +251,12 @@ def settle(task: SettlingTask, report: Report) -> Message:
         "pairs": pairs,
         "forces": forces,
     }
+
+
+def _drag(since_fall: float) -> float:
+    """Return the drag at a time after the fall: none at first, then more and more."""
+    ends = int(since_fall // _PATIENCE)
+    return 0.0 if ends < 1 else _DRAG * 2.0 ** min(ends - 1, _MOST_DOUBLINGS)
 
 
 def _require_sound(data: Any) -> None:

@@ -136,3 +136,11 @@ def test_a_person_can_cancel(kinds):
 
     with pytest.raises(Cancelled):
         pack(kinds, 20, progress=cancel)
+
+
+def test_drag_waits_and_grows_but_holds_no_free_grain():
+    """A free grain of moment 0.1 falls at g over drag times moment: fast, far from what counts as rest."""
+    drags = [mujoco_engine._drag(time) for time in (-5.0, 0.0, 39.0, 41.0, 81.0, 1000.0)]
+    assert drags[:3] == [0.0, 0.0, 0.0]
+    assert drags[3] < drags[4] < drags[5]
+    assert 0.5 * (1 / (drags[5] * 0.1)) ** 2 > 1e5 * mujoco_engine._REST
