@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from mbstudio.core.errors import PackingError
+from mbstudio.core.fabric import anisotropy, fabric_tensor, rose
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.packing.contacts import Contacts, find_contacts
-from mbstudio.core.packing.fabric import anisotropy, fabric_tensor, rose
 from mbstudio.core.packing.grain_kinds import GrainKinds
 from mbstudio.core.packing.mould import Mould
 from mbstudio.core.packing.poses import Poses
@@ -60,7 +60,7 @@ class Measures:
     fabric : float array, shape (3, 3)
         Mean of n n' over the normals of contacts in the inner part.
     anisotropy : float
-        Of the fabric, 0 to 1.
+        Of the fabric: 0 where all directions are alike.
     contacts : int
         How many contacts those are.
     counted_twice : float
@@ -186,7 +186,7 @@ class Packing:
             float(neighbours.mean()),
             neighbours,
             fabric,
-            anisotropy(fabric),
+            float(anisotropy(fabric)),
             int(mine.sum()),
             self.solids.counted_twice(columns, core.low, core.high),
             core,

@@ -9,6 +9,7 @@ import pandas as pd
 from jaxtyping import Float64
 
 from mbstudio.core.errors import TwinError
+from mbstudio.core.fabric import anisotropy
 
 LEAST_PROBABILITY = 0.5
 _DRAWS = 400
@@ -64,12 +65,6 @@ class Fabric:
     contacts: int
 
 
-def _anisotropy(tensor: Float64[np.ndarray, "... 3 3"]) -> Float64[np.ndarray, "..."]:
-    deviator = 7.5 * (tensor - np.eye(3) / 3)
-    found: np.ndarray = np.sqrt(1.5 * (deviator**2).sum(axis=(-1, -2)))
-    return found
-
-
 def fabric_tensor(directions: Float64[np.ndarray, "m 3"], seed: int = 0) -> FabricTensor:
     """Return the fabric tensor of directions of any length.
 
@@ -85,10 +80,10 @@ def fabric_tensor(directions: Float64[np.ndarray, "m 3"], seed: int = 0) -> Fabr
     tensor = dyads.mean(axis=0)
     values, vectors = np.linalg.eigh(tensor)
     drawn = np.random.default_rng(seed).integers(len(unit), size=(_DRAWS, len(unit)))
-    spread = _anisotropy(np.array([dyads[rows].mean(axis=0) for rows in drawn]))
+    spread = anisotropy(np.array([dyads[rows].mean(axis=0) for rows in drawn]))
     low, high = np.percentile(spread, (2.5, 97.5))
     return FabricTensor(
-        tensor, values[::-1].copy(), vectors.T[::-1].copy(), float(_anisotropy(tensor)),
+        tensor, values[::-1].copy(), vectors.T[::-1].copy(), float(anisotropy(tensor)),
         (float(low), float(high)), len(unit),
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QPushButton, QSpinBox, QVBoxLayout, QWidget
 
+from mbstudio.core.cloning.parent_choice import ENOUGH_PARENTS
 from mbstudio.core.cloning.surface_style import SurfaceStyle
 from mbstudio.core.units import unit_label
 from mbstudio.core.vae.models.presets import PRESETS, find_preset, recommended_preset
@@ -72,6 +73,9 @@ class LearnPage(QWidget):
         for unit in _UNITS:
             self.unit.addItem(unit_label(unit), unit)
         self.n, self.steps, self.seed = QSpinBox(), QSpinBox(), QSpinBox()
+        self.most = QSpinBox()
+        self.most.setRange(FEWEST, 1_000_000)
+        self.most.setValue(ENOUGH_PARENTS)
         self.metaball_n = QSpinBox()
         self.metaball_n.setRange(_LEAST_N, 400)
         self.metaball_n.setSpecialValueText(tr("by form"))
@@ -125,6 +129,13 @@ class LearnPage(QWidget):
             self.metaball_n,
             tr("Of the metaball of every parent and clone; by form: 40 where these are enough, else 120"),
         )
+        self._most_row = row(
+            tr("Parents at most"),
+            self.most,
+            tr(
+                "Of more grains, so many are taken, spread evenly over their sizes; chosen ones are all taken"
+            ),
+        )
         self._steps_row = row(
             tr("Steps"),
             self.steps,
@@ -137,6 +148,7 @@ class LearnPage(QWidget):
             self._explained,
             self._advice,
             self.take_pca,
+            self._most_row,
             self._n_row,
             self._metaball_row,
             self._steps_row,
@@ -179,6 +191,7 @@ class LearnPage(QWidget):
         for field in (self.source, self.preset, self.unit):
             field.currentIndexChanged.connect(lambda _: self.refresh())
         self.folder.textChanged.connect(lambda _: self.refresh())
+        self.most.valueChanged.connect(lambda _: self.refresh())
         space = self._workspace
         for signal in (
             space.grains_changed, space.fits_changed, space.selection_changed, space.style_changed,
@@ -193,9 +206,15 @@ class LearnPage(QWidget):
         """The bodies that the fields mean."""
         source: Source = self.source.currentData()
         if source != "folder":
-            return Parents(source, self._work.labels(source))
+            return Parents(source, self._limited(source, self._work.labels(source)))
         text = self.folder.text().strip()
         return Parents("folder", (), Path(text).expanduser() if text else None, self.unit.currentData())
+
+    def _limited(self, source: Source, labels: tuple[int, ...]) -> tuple[int, ...]:
+        """Return as many grains as a style of surfaces is to be learned from; other presets take all."""
+        if self.preset.currentData() != SURFACES or source == "chosen":
+            return labels
+        return self._work.spread(labels, self.most.value())
 
     @property
     def asked(self) -> LearnRequest:
@@ -219,7 +238,9 @@ class LearnPage(QWidget):
         """Teach the style-learner what it does not know yet."""
         given = self.parents
         labels = self._work.new_labels(given.source)
-        new = given if given.source == "folder" else Parents(given.source, labels)
+        new = (
+            given if given.source == "folder" else Parents(given.source, self._limited(given.source, labels))
+        )
         self._work.learn_on(new, self.seed.value())
 
     def choose_source(self, source: Source) -> None:
@@ -259,7 +280,8 @@ class LearnPage(QWidget):
         self._advice.setVisible(few)
         self.take_pca.setVisible(few)
         for part, shown in (
-            (self._n_row, not surfaces), (self._metaball_row, surfaces), (self._steps_row, not surfaces)
+            (self._n_row, not surfaces), (self._metaball_row, surfaces), (self._steps_row, not surfaces),
+            (self._most_row, surfaces and self.source.currentData() in ("inside", "avatars")),
         ):  # fmt: skip
             part.setVisible(shown)
         self.steps.setEnabled(preset is not None and preset.in_steps)
@@ -269,14 +291,15 @@ class LearnPage(QWidget):
     def _count(self) -> int | None:
         """Return the number of parents; None of a folder, which is read only when it is learned from."""
         source = self.source.currentData()
-        return None if source == "folder" else len(self._work.labels(source))
+        return None if source == "folder" else len(self._limited(source, self._work.labels(source)))
 
     def _show_foot(self, count: int | None) -> None:
         running = self._work.run.is_running
         self.stop_button.setVisible(not self._work.learns_surfaces)
         folder = self.source.currentData() == "folder"
         ready = bool(self.folder.text().strip()) if folder else count is not None and count >= FEWEST
-        new = 0 if folder else len(self._work.new_labels(self.source.currentData()))
+        source: Source = self.source.currentData()
+        new = 0 if folder else len(self._limited(source, self._work.new_labels(source)))
         has_new = self._workspace.has_style and (ready if folder else new > 0)
         if (ready, has_new) != (self.is_ready, self.has_new_parents):
             self.is_ready, self.has_new_parents = ready, has_new

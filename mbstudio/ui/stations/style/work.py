@@ -13,6 +13,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.processes import usable_cores
+from mbstudio.core.cloning.parent_choice import spread_over_sizes
 from mbstudio.core.cloning.surface_style import SurfaceStyle
 from mbstudio.core.cloning.surface_style_file import save_surface_style
 from mbstudio.core.formulas import nominal_diameter
@@ -176,6 +177,15 @@ class StyleWork(Work):
             return not abs(known.get(_name(label), 0.0) / size - 1) < _SAME_SIZE
 
         return tuple(label for label in self.labels(source) if is_new(label))
+
+    def spread(self, labels: tuple[int, ...], most: int) -> tuple[int, ...]:
+        """Return so many of these grains at most, spread evenly over their sizes."""
+        grains = self.workspace.state.grains
+        if grains is None or len(labels) <= most:
+            return labels
+        volumes = dict(zip(grains.table["label"], grains.table["volume"], strict=True))
+        chosen = spread_over_sizes([float(volumes[label]) for label in labels], most)
+        return tuple(labels[place] for place in chosen)
 
     # ---- learning --------------------------------------------------------------------------------
 

@@ -96,6 +96,28 @@ def test_scanned_grains_are_parents(window, idle, with_grains):
     assert work.new_labels("inside") == ()
 
 
+def test_of_many_grains_some_are_parents(window, page, with_grains):
+    labels = window.stations.style.work.labels("inside")
+    volumes = dict(zip(with_grains.workspace.state.grains.table["label"],
+                       with_grains.workspace.state.grains.table["volume"], strict=True))  # fmt: skip
+    page.source.setCurrentIndex(page.source.findData("inside"))
+    assert page.most.value() == 200
+    assert not page._most_row.isHidden()
+    assert page.asked.parents.labels == labels
+    page.most.setMinimum(2)
+    page.most.setValue(2)
+    ends = {min(labels, key=volumes.get), max(labels, key=volumes.get)}
+    assert set(page.asked.parents.labels) == ends
+    # Chosen grains were asked for by name, other presets average over all.
+    window.workspace.choose(labels)
+    page.source.setCurrentIndex(page.source.findData("chosen"))
+    assert page.asked.parents.labels == tuple(sorted(labels))
+    assert page._most_row.isHidden()
+    page.choose_source("inside")
+    page.choose_preset("pca")
+    assert page.asked.parents.labels == labels
+
+
 def test_clones_of_surfaces_appear_everywhere(window, page, idle, tmp_path):
     window.workspace.use_surfaces(fitted_stones())
     window.stations.style.panel.open_page("generate")

@@ -15,10 +15,14 @@ def fabric_tensor(normals: Float[np.ndarray, "contacts 3"]) -> Float[np.ndarray,
     return tensor
 
 
-def anisotropy(tensor: Float[np.ndarray, "3 3"]) -> float:
-    """Return ``sqrt(3/2 F':F')`` of the deviator of a fabric tensor: 0 alike in all directions, 1 in one."""
-    deviator = tensor - np.eye(3) / 3
-    return float(np.sqrt(1.5 * (deviator**2).sum()))
+def anisotropy(tensors: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "..."]:
+    """Return ``sqrt(3/2 D:D)`` of ``D = 15/2 (F - I/3)``: 0 for no preferred direction, 7.5 for one alone.
+
+    Source: Guo & Zhao (2013), The signature of shear-induced anisotropy in granular media.
+    """
+    deviator = 7.5 * (tensors - np.eye(3) / 3)
+    found: np.ndarray = np.sqrt(1.5 * (deviator**2).sum(axis=(-1, -2)))
+    return found
 
 
 def rose(normals: Float[np.ndarray, "contacts 3"], bins: int = 18) -> Float[np.ndarray, " bins"]:
