@@ -20,7 +20,7 @@ class History:
         How many changes can be undone at most; older ones are forgotten.
     """
 
-    def __init__(self, state: ProjectState, limit: int = 500) -> None:
+    def __init__(self, state: ProjectState, limit: int = 1000) -> None:
         if limit < 1:
             raise ValueError(f"The history must hold at least 1 change, not {limit}.")
         self._entries: list[tuple[str, ProjectState]] = [("", state)]

@@ -72,7 +72,7 @@ class FitSettings:
     target: str = ""
 
 
-LOGGED_CHANGES = 500
+LOGGED_CHANGES = 1000
 """How many titles of changes a project keeps."""
 
 
