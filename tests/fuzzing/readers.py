@@ -235,6 +235,20 @@ def _clump(path: Path) -> str:
     return digest(read_spheres(path))
 
 
+def _dump(path: Path) -> str:
+    from mbstudio.core.packing.dumps import read_last_frame
+
+    found = read_last_frame(path)
+    return digest(found.step, np.asarray(found.ids, dtype=float), found.places, found.widths)
+
+
+def _poses(path: Path) -> str:
+    from mbstudio.core.packing.poses import read_poses
+
+    found = read_poses(path, ["ball", "stone"])
+    return digest(found.kinds, found.scales, found.positions, found.quaternions)
+
+
 class _ErrorOfTwoLines(ScanError):
     def __str__(self) -> str:
         return str(self.args[0])
@@ -279,5 +293,7 @@ READERS: dict[str, Callable[[Path], str]] = {
     "classifier": _classifier,
     "classifier sealed anew": _classifier_sealed_anew,
     "clump": _clump,
+    "dump": _dump,
+    "poses": _poses,
     "bad": _bad,
 }

@@ -430,6 +430,36 @@ def _clumps(folder: Path) -> list[Case]:
     return [(rows, sorted(rows))]
 
 
+def _dumps(folder: Path) -> list[Case]:
+    rng = np.random.default_rng(9)
+
+    def frame(step: int, columns: str, bounds: str) -> str:
+        rows = [
+            f"{number} 1 {' '.join(f'{x:.6g}' for x in rng.normal(size=3))}"
+            for number in rng.permutation(12) + 1
+        ]
+        box = "\n".join(["-1.0 1.0"] * 3)
+        return (
+            f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{len(rows)}\n{bounds}\n{box}\n"
+            f"ITEM: ATOMS id type {columns}\n" + "\n".join(rows) + "\n"
+        )
+
+    cases = []
+    for name, columns, bounds in (
+        ("unwrapped", "xu yu zu", "ITEM: BOX BOUNDS ff ff ff"),
+        ("periodic", "x y z", "ITEM: BOX BOUNDS pp pp ff"),
+        ("old", "x y z", "ITEM: BOX BOUNDS"),
+    ):
+        text = frame(0, columns, bounds) + frame(1000, columns, bounds)
+        cases.append(({f"{name}.lammpstrj": text.encode()}, [f"{name}.lammpstrj"]))
+    return cases
+
+
+def _poses(folder: Path) -> list[Case]:
+    text = "avatar,scale,x,y,z,qw,qx,qy,qz\nball,1,0,0,0,1,0,0,0\nstone,0.5,1,2,3,0.5,0.5,0.5,0.5\n"
+    return [({"poses.csv": text.encode()}, ["poses.csv"])]
+
+
 Seeds = Callable[[Path], list[Case]]
 SEEDS: dict[str, tuple[str, Seeds]] = {
     "tiff": ("scan", _tiff),
@@ -466,6 +496,8 @@ SEEDS: dict[str, tuple[str, Seeds]] = {
     "classifiers": ("classifier", _classifiers),
     "unsealed-classifiers": ("classifier sealed anew", _classifiers),
     "clumps": ("clump", _clumps),
+    "dumps": ("dump", _dumps),
+    "poses": ("poses", _poses),
 }
 """What is attacked: the reader of each kind of file, and what makes whole files of it."""
 

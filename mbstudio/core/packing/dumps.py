@@ -10,8 +10,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from mbstudio.core.errors import PackingError
+from mbstudio.core.plain_files import PlainFileError, read_plain_text
 
 _TIME, _NUMBER, _BOX, _ATOMS = "ITEM: TIMESTEP", "ITEM: NUMBER OF ATOMS", "ITEM: BOX BOUNDS", "ITEM: ATOMS"
+_MOST_BYTES = 2**30
 _PLACES = (("xu", "yu", "zu"), ("x", "y", "z"))
 
 
@@ -54,15 +56,15 @@ def read_last_frame(path: Path) -> Frame:
         If the file cannot be read, is no dump, or is cut off.
     """
     try:
-        lines = path.read_text(encoding="ascii").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_plain_text(path, _MOST_BYTES).splitlines()
+    except (OSError, PlainFileError) as error:
         raise PackingError(f"{path} cannot be read: {error}") from error
     starts = [number for number, line in enumerate(lines) if line.strip() == _TIME]
     if not starts:
         raise PackingError(f"{path} is no dump of LAMMPS or LIGGGHTS: it has no line '{_TIME}'.")
     try:
         return _parse(iter(lines[starts[-1] + 1 :]))
-    except (StopIteration, ValueError, IndexError) as error:
+    except (StopIteration, ValueError, IndexError, OverflowError) as error:
         raise PackingError(
             f"{path} is cut off or damaged in its last frame: let the engine finish, or remove that frame."
         ) from error
@@ -89,7 +91,7 @@ def _parse(lines: Iterator[str]) -> Frame:
     rows = [next(lines).split() for _ in range(count)]
     if any(len(row) != len(columns) for row in rows):
         raise ValueError("a row is short")
-    ids = np.array([int(row[columns["id"]]) for row in rows])
+    ids = np.array([int(row[columns["id"]]) for row in rows], dtype=np.int64)
     places = np.array([[float(row[columns[name]]) for name in names] for row in rows]).reshape(-1, 3)
     if not np.isfinite(places).all():
         raise ValueError("a place is not finite")

@@ -58,7 +58,8 @@ def require_rotations(quaternions: Float[np.ndarray, "count 4"], where: str) -> 
     PackingError
         If one is no rotation.
     """
-    lengths = np.linalg.norm(quaternions, axis=1)
+    with np.errstate(over="ignore"):  # a length beyond all numbers is not 1 either
+        lengths = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= _UNIT_LENGTH))
     if len(wrong):
         first = int(wrong[0])
@@ -115,9 +116,10 @@ def read_poses(path: Path, names: Sequence[str]) -> Poses:
             raise PackingError(
                 f"{path} is cut off or damaged: row {number} has no number in each of its columns."
             ) from error
-        if words["avatar"] not in known:
-            raise PackingError(f"{path} is of other grains: there is no avatar '{words['avatar']}' here.")
-        kinds.append(known[words["avatar"]])
+        name = words.get("avatar", "")
+        if name not in known:
+            raise PackingError(f"{path} is of other grains: there is no avatar '{name:.40}' here.")
+        kinds.append(known[name])
         rows.append(row)
     table = np.array(rows, dtype=float).reshape(-1, 8)
     if not len(table) or not np.isfinite(table).all() or table[:, 0].min() <= 0:

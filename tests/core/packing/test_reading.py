@@ -13,7 +13,7 @@ import pytest
 from mbstudio.core.dem import SpecimenPlan, export
 from mbstudio.core.dem.specimen.placing import rotations_of
 from mbstudio.core.errors import PackingError
-from mbstudio.core.packing.dumps import Frame, find_poses
+from mbstudio.core.packing.dumps import Frame, find_poses, read_last_frame
 from mbstudio.core.packing.grain_kinds import prepare_kinds
 from mbstudio.core.packing.poses import COLUMNS, read_poses, write_poses
 from mbstudio.core.packing.reading import read_packing
@@ -193,3 +193,25 @@ def test_grains_across_a_periodic_side_are_joined(grains):
 def test_the_columns_of_a_table_are_those_of_a_specimen(exported):
     header = (exported / "specimen.csv").read_text().splitlines()[0].split(",")
     assert set(COLUMNS) <= set(header)
+
+
+def test_numbers_beyond_all_bounds_in_a_table_of_poses(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("avatar,scale,x,y,z,qw,qx,qy,qz\nball,1,0,0,0,1e200,0,0,0\n")
+    with pytest.raises(PackingError, match=r"poses\.csv has a pose that is no rotation"):
+        read_poses(path, ["ball"])
+
+
+def test_a_row_of_a_table_of_poses_without_its_avatar(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("scale,x,y,z,qw,qx,qy,qz,avatar\n1,0,0,0,1,0,0,0\n")
+    with pytest.raises(PackingError, match="no avatar ''"):
+        read_poses(path, ["ball"])
+
+
+def test_a_number_of_an_atom_beyond_64_bits(tmp_path):
+    path = tmp_path / "dump.lammpstrj"
+    head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS ff ff ff\n-1 1\n-1 1\n-1 1\n"
+    path.write_text(f"{head}ITEM: ATOMS id x y z\n{2**70} 0 0 0\n")
+    with pytest.raises(PackingError, match="damaged in its last frame"):
+        read_last_frame(path)
