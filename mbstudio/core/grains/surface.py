@@ -35,7 +35,7 @@ def surface_mesh(
         sigma = [smoothing * shortest / edge for edge in voxel_size.zyx]
         mesh = _mesh_of_volume(mask, sigma, voxel_size)
         if mesh.body_count > 1:  # voxels that hang on by a corner come off as specks
-            mesh = max(mesh.split(only_watertight=False), key=lambda body: body.volume)
+            mesh = max(mesh.split(only_watertight=False), key=_volume_within)
             mesh.units = voxel_size.unit
         whole = mesh.is_watertight
         if whole and abs(mesh.volume / target - 1) < 0.02:
@@ -43,6 +43,11 @@ def surface_mesh(
     assert mesh is not None
     mesh.apply_translation(origin)
     return mesh
+
+
+def _volume_within(body: trimesh.Trimesh) -> float:
+    """Return the volume alone: trimesh finds the centre of mass too, which a speck of none does not have."""
+    return float(np.linalg.det(np.asarray(body.triangles)).sum()) / 6
 
 
 def _mesh_of_volume(
