@@ -15,7 +15,6 @@ Ortega & Rheinboldt (1970), Iterative Solution of Nonlinear Equations in Several
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -28,7 +27,8 @@ from mbstudio.core.imaging.fast.levenberg_marquardt import (
     solve_damped,
     weighted_sums_of_rows,
 )
-from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings
+from mbstudio.core.imaging.fast.refine import Refinement, RefineSettings, bounded_step
+from mbstudio.core.imaging.fast.rows import Residuals, SurfaceRows
 from mbstudio.core.imaging.preprocess import PreparedGrain
 
 BLOCK = 40
@@ -98,6 +98,7 @@ class BlockRefinement(Refinement):
         """Make one step of a block; return whether the sum of squares fell."""
         part = Part(self, block, sums, offset=self._iteration % _FAR)
         at = part.rows(part.begun)
+        cost = part.cost(at)
         matrix, gradient = part.normal_equations(at)
         diagonal = np.diagonal(matrix).copy()
         diagonal += 1e-3 * diagonal.mean()
@@ -107,7 +108,7 @@ class BlockRefinement(Refinement):
         for _ in range(_TRIALS):
             if solve_damped(matrix, damping * diagonal, gradient, factor, step):
                 trial = part.after(step)
-                if part.rows(trial).cost < at.cost:
+                if part.cost(part.rows(trial)) < cost:
                     self.control[:, block] = trial
                     sums.replace(part.begun, trial)
                     damping, moved = max(damping / 3, 1e-5), True
@@ -137,20 +138,6 @@ class Sums:
         ):
             total += field_at(points, new) - field_at(points, old)
         self.residual = search._scale * (1 - self.field**-0.5)
-
-
-class _Rows(NamedTuple):
-    """A block's rows of the sum of squares; see `Residuals` for their meaning."""
-
-    surface: np.ndarray
-    field: np.ndarray
-    hinge: np.ndarray
-    inner: np.ndarray
-    shallow: np.ndarray
-    slope: np.ndarray
-    volume: float
-    area: float
-    cost: float
 
 
 class Part:
@@ -194,33 +181,28 @@ class Part:
     def _sum(self, values: np.ndarray) -> float:
         return float((self._share * values).sum(dtype=np.float64))
 
-    def rows(self, control: np.ndarray) -> _Rows:
+    def rows(self, control: np.ndarray) -> Residuals:
         """Return the rows with the block at `control`."""
         search = self._search
         single, interior, solid = control.astype(np.float32), search._interior, search.solid
         field = self._rest + field_at(self._points, single)
         inner = self._inner_rest + field_at(interior.points, single)
         residual = self._scale * (1 - field**-0.5)
-        surface, hinge = self._weight * residual, interior.hinges_of(inner)
         depth, slope = depths_of(search.prepared, control[:3])
-        of_depth = search.settings.depth_weight / np.sqrt(search.control.shape[1])
-        shallow = np.maximum(search.soft_depth - depth, 0) * of_depth
+        shallow = np.maximum(search.soft_depth - depth, 0) * search.weight_of_depth
         volume = search._volume_weight * (self._mean + self._sum(residual) + solid.volume_offset)
         area = solid.area_weight * (self._bent + self._sum(self._bend * residual) + solid.area_offset)
-        cost = 0.5 * (
-            float(np.sum(np.square(surface, dtype=np.float64)))
-            + float(np.sum(np.square(hinge, dtype=np.float64)))
-            + float(shallow @ shallow)
-            + volume**2
-            + area**2
-        )
-        return _Rows(surface, field, hinge, inner, shallow, slope, volume, area, cost)
+        return Residuals(residual, field, interior.hinges_of(inner), inner, shallow, slope, volume, area)
 
-    def normal_equations(self, at: _Rows) -> tuple[np.ndarray, np.ndarray]:
+    def cost(self, at: Residuals) -> float:
+        """Return half the sum of the squares of the rows."""
+        return at.half_sum_of_squares(self._weight)
+
+    def normal_equations(self, at: Residuals) -> tuple[np.ndarray, np.ndarray]:
         """Return normal matrix (lower triangle) and gradient of the block."""
         search, n = self._search, self.begun.shape[1]
         solid = search.solid
-        points, factor, residual = self.at_points(at)
+        points, residual, factor = self.surface_rows(at)
         rows = np.empty((4 * n, points.shape[1]), dtype=np.float32)
         jacobian_of_rows(points, self.begun.astype(np.float32), factor, rows)
         matrix, gradient = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
@@ -235,19 +217,11 @@ class Part:
                 mean *= weight
                 matrix += np.outer(mean, mean)
                 gradient += mean * row
-        low = np.flatnonzero(at.shallow > 0)
-        of_depth = -search.settings.depth_weight / np.sqrt(search.control.shape[1]) * at.slope[:, low]
-        for a in range(3):
-            gradient[(a + 1) * n + low] += of_depth[a] * at.shallow[low]
-            for b in range(3):
-                matrix[(a + 1) * n + low, (b + 1) * n + low] += of_depth[a] * of_depth[b]
+        search.add_depth_rows(at, matrix, gradient)
         return matrix, gradient
 
-    def at_points(self, at: _Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return points, and the weighted rows there with their derivatives by f (second).
-
-        Surface points come first, then the interior points that are too shallow in the avatar.
-        """
+    def surface_rows(self, at: Residuals) -> SurfaceRows:
+        """Return the rows at surface points, and after them those of interior points that lie too shallow."""
         interior = self._search._interior
         active = np.flatnonzero(at.hinge < 0)
         points = np.ascontiguousarray(np.hstack([self._points, interior.points[:, active]]))
@@ -255,14 +229,12 @@ class Part:
             0.5 * self._scale * self._weight * at.field**-1.5,
             0.5 * (interior.side * interior.weight)[active] * at.inner[active] ** -1.5,
         ]).astype(np.float32)  # fmt: skip
-        return points, slope, np.concatenate([at.surface, at.hinge[active]]).astype(np.float32)
+        residual = np.concatenate([self._weight * at.surface, at.hinge[active]]).astype(np.float32)
+        return SurfaceRows(points, residual, slope)
 
     def after(self, step: np.ndarray) -> np.ndarray:
         """Return the block after a step: bounded, and no control point shallower than allowed."""
-        n = self.begun.shape[1]
-        moved = self.begun.copy()
-        moved[3] *= np.exp(np.clip(step[:n], -0.7, 0.7))
-        moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
+        moved = bounded_step(self.begun, step)
         push_in(self._search.prepared, moved, self._least, self.begun)
         return moved
 

@@ -11,20 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from mbstudio.core.imaging.depths import push_in
 from mbstudio.core.imaging.fast.block_refine import BlockRefinement, Part
-from mbstudio.core.imaging.fast.levenberg_marquardt import add_normal_matrix, jacobian_of_rows
-from mbstudio.core.imaging.fast.relocation import (
-    DEPTHS,
-    LARGEST,
-    SMALLEST,
-    STEEPEST,
-    products,
-    pursue,
-    solve,
-    solve_lower,
-    symmetric,
-)
+from mbstudio.core.imaging.fast.relocation import candidates, most_useful, solve, solve_lower
+from mbstudio.core.imaging.fast.rows import SurfaceRows
 
 _PLACES = 24
 """Surface points of a block below which a new control point may come."""
@@ -61,7 +50,7 @@ def relocate_in_blocks(search: BlockRefinement, most: int, rng: np.random.Genera
     for part in search.parts():
         at = part.rows(part.begun)
         losses[part.block] = _losses(part.normal_equations(at)[0])
-        wanted.append(_wanted(search, part, rng))
+        wanted.append(_wanted(search, part, part.surface_rows(at), rng))
     gains = np.concatenate([found.gains for found in wanted])
     cheapest = np.argsort(losses, kind="stable")[:most]
     best = np.argsort(-gains, kind="stable")[: len(cheapest)]
@@ -88,55 +77,10 @@ def _losses(matrix: np.ndarray) -> np.ndarray:
     return found
 
 
-def _wanted(search: BlockRefinement, part: Part, rng: np.random.Generator) -> _Wanted:
-    at = part.rows(part.begun)
-    points, slope, residual = part.at_points(at)
-    places = _candidates(search, points[:, : part.own], residual[: part.own], rng)
-    tried, b = places.shape[1], 4 * part.begun.shape[1]
-    if not tried:
+def _wanted(search: BlockRefinement, part: Part, rows: SurfaceRows, rng: np.random.Generator) -> _Wanted:
+    if not part.own:
         return _Wanted(np.empty((4, 0)), np.empty(0))
-    rows = np.zeros((b + tried + (-tried) % 4, points.shape[1]), dtype=np.float32)
-    jacobian_of_rows(points, part.begun.astype(np.float32), slope, rows[:b])
-    unit = np.vstack([places, np.ones(tried)]).astype(np.float32)
-    by_weight = np.empty((4 * tried, points.shape[1]), dtype=np.float32)
-    jacobian_of_rows(points, unit, slope, by_weight)
-    by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < STEEPEST)] = 0.0
-    rows[b : b + tried] = by_weight[:tried]
-    matrix, gradient = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
-    add_normal_matrix(rows, residual, matrix, gradient)
-    # What the control points of the block can do by themselves is taken out of the new ones.
-    old = np.ascontiguousarray(matrix[:b, :b])
-    diagonal = np.diagonal(old)
-    factor, _, _ = solve(old, 1e-3 * diagonal + 1e-4 * diagonal.mean(), gradient[:b])
-    new = slice(b, b + tried)
-    shared = np.ascontiguousarray(np.hstack([matrix[new, :b].T, gradient[:b, None]]))
-    solve_lower(factor, shared)
-    gram, down = symmetric(matrix[new, new]), gradient[new].copy()
-    own = np.diagonal(gram).copy()
-    taken, taken_down = products(shared[:, :tried].T, shared[:, tried])
-    gram -= taken
-    down -= taken_down
-    chosen, gains = pursue(gram.copy(), down.copy(), own, _MOST_OF_BLOCK)
-    weights = -np.linalg.solve(gram[np.ix_(chosen, chosen)], down[chosen])
-    depth = search.depth_of(places[:, chosen])
-    weights = np.clip(weights, (SMALLEST * depth) ** 2, (LARGEST * depth) ** 2)
-    return _Wanted(np.vstack([places[:, chosen], weights]), gains)
-
-
-def _candidates(
-    search: BlockRefinement, points: np.ndarray, residual: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    """Return places (rows x, y, z) below surface points, chosen the likelier the farther they lie off."""
-    if not len(residual):
-        return np.empty((3, 0))
-    share = np.square(residual, dtype=np.float64) + 1e-16
-    chosen = rng.choice(
-        len(residual), min(_PLACES, len(residual)), replace=False, p=share / share.sum(), shuffle=False
-    )
-    surface = points[:, chosen].astype(np.float64)
-    tried = []
-    for times in DEPTHS:
-        places = surface.copy()
-        push_in(search.prepared, places, np.full(len(chosen), times * search.soft_depth), surface)
-        tried.append(places[:, search.depth_of(places) > 0.9 * search.hard_depth])
-    return np.hstack(tried)
+    places = candidates(search, rows.points[:, : part.own], rows.residual[: part.own], _PLACES, rng)
+    if not places.shape[1]:
+        return _Wanted(np.empty((4, 0)), np.empty(0))
+    return _Wanted(*most_useful(search, rows, part.begun, places, _MOST_OF_BLOCK))

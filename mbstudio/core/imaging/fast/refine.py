@@ -28,7 +28,13 @@ from mbstudio.core.imaging.fast.levenberg_marquardt import (
     steepness_of_rows,
     weighted_sums_of_rows,
 )
-from mbstudio.core.imaging.fast.rows import InteriorPoints, Residuals, SolidRows, SurfacePoints
+from mbstudio.core.imaging.fast.rows import (
+    InteriorPoints,
+    Residuals,
+    SolidRows,
+    SurfacePoints,
+    SurfaceRows,
+)
 from mbstudio.core.imaging.preprocess import PreparedGrain
 from mbstudio.core.metaball.field import solid_bounds
 from mbstudio.core.metaball.surface import mesh_area, volume_and_area
@@ -270,9 +276,7 @@ class Refinement:
         residual, field = self._surface_rows(single)
         hinge, inner = self._interior.hinges(single)
         depth, slope = depths_of(self.prepared, control[:3])
-        shallow = np.maximum(self.soft_depth - depth, 0) * (
-            self.settings.depth_weight / np.sqrt(control.shape[1])
-        )
+        shallow = np.maximum(self.soft_depth - depth, 0) * self.weight_of_depth
         solid, mean = self.solid, self.surface.mean
         volume = self._volume_weight * (mean(residual) + solid.volume_offset)
         area = solid.area_weight * (mean(solid.bend * residual) + solid.area_offset)
@@ -309,21 +313,28 @@ class Refinement:
             bent *= solid.area_weight
             matrix += np.outer(bent, bent)
             gradient += bent * at.area
+        self.add_depth_rows(at, matrix, gradient)
+        return matrix, gradient
+
+    @property
+    def weight_of_depth(self) -> float:
+        """Weight of the row of one control point's depth."""
+        return float(self.settings.depth_weight / np.sqrt(self.control.shape[1]))
+
+    def add_depth_rows(self, at: Residuals, matrix: np.ndarray, gradient: np.ndarray) -> None:
+        """Add the rows of depth of all control points, or of some, to their normal equations in place."""
+        n = len(at.shallow)
         # Each control point's depth row touches only its own three places.
         low = np.flatnonzero(at.shallow > 0)
-        rows_of_depth = -self.settings.depth_weight / np.sqrt(n) * at.slope[:, low]
+        rows_of_depth = -self.weight_of_depth * at.slope[:, low]
         for a in range(3):
             gradient[(a + 1) * n + low] += rows_of_depth[a] * at.shallow[low]
             for b in range(3):
                 matrix[(a + 1) * n + low, (b + 1) * n + low] += rows_of_depth[a] * rows_of_depth[b]
-        return matrix, gradient
 
     def _step_from(self, step: np.ndarray) -> np.ndarray:
         """Return the control points after a step: bounded, and none shallower than allowed."""
-        n = self.control.shape[1]
-        moved = self.control.copy()
-        moved[3] *= np.exp(np.clip(step[:n], -0.7, 0.7))
-        moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
+        moved = bounded_step(self.control, step)
         # A point that is too shallow already (in a spike) may stay so, but go no further out:
         # were it moved at every trial, the shortest step would still not be a small change.
         self.keep_deep(moved)
@@ -338,13 +349,13 @@ class Refinement:
         self._measure_scale(self.control.astype(np.float32))
         return self._normal_equations(self._cost(self.control)[1])
 
-    def surface_rows_at(self, control: Float64[np.ndarray, "4 n"]) -> tuple[np.ndarray, ...]:
-        """Return the surface points in use, their weighted residuals and the derivatives of these by f."""
+    def surface_rows_at(self, control: Float64[np.ndarray, "4 n"]) -> SurfaceRows:
+        """Return the rows at the surface points in use."""
         single, weight = control.astype(np.float32), self.surface.row_weight
         self._measure_scale(single)
         residual, field = self._surface_rows(single)
         slope = (0.5 * weight * self._scale * field**-1.5).astype(np.float32)
-        return self.surface.points, weight * residual, slope
+        return SurfaceRows(self.surface.points, weight * residual, slope)
 
     def depth_of(self, points: Float64[np.ndarray, "3 p"]) -> Float64[np.ndarray, "p"]:
         """Return the depth of points (rows x, y, z) below the surface."""
@@ -376,3 +387,12 @@ class Refinement:
                     return True
             self.damping = min(self.damping * 4, 1e8)
         return False
+
+
+def bounded_step(control: Float64[np.ndarray, "4 n"], step: np.ndarray) -> Float64[np.ndarray, "4 n"]:
+    """Return control points after a step of ln k, x, y and z, none of which goes too far at once."""
+    n = control.shape[1]
+    moved = control.copy()
+    moved[3] *= np.exp(np.clip(step[:n], -0.7, 0.7))
+    moved[:3] += np.clip(step[n:].reshape(3, n), -0.3, 0.3)
+    return moved

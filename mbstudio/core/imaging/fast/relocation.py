@@ -22,11 +22,12 @@ from mbstudio.core.errors import FitError
 from mbstudio.core.imaging.depths import push_in
 from mbstudio.core.imaging.fast.levenberg_marquardt import add_normal_matrix, jacobian_of_rows, solve_damped
 from mbstudio.core.imaging.fast.refine import Refinement
+from mbstudio.core.imaging.fast.rows import SurfaceRows
 
 _PLACES = 100  # surface points below which a new control point may come
-DEPTHS = (1.0, 2.0, 4.0)  # of the new control points, times the least depth
-SMALLEST, LARGEST = 0.05, 0.5  # sqrt(k) of a new control point, times its depth
-STEEPEST = 1e6  # change of a distance with k, in working lengths, of a place too near to a surface point
+_DEPTHS = (1.0, 2.0, 4.0)  # of the new control points, times the least depth
+_SMALLEST, _LARGEST = 0.05, 0.5  # sqrt(k) of a new control point, times its depth
+_STEEPEST = 1e6  # change of a distance with k, in working lengths, of a place too near to a surface point
 _MOST_OFFSET = 0.05  # that a control point moves to make up for those taken away
 
 
@@ -78,7 +79,9 @@ def relocate(search: Refinement, count: int, rng: np.random.Generator) -> None:
         Chooses the surface points below which new control points are tried.
     """
     control = without_the_least_useful(search, count)
-    search.set_control(np.hstack([control, _most_useful(search, control, count, rng)]))
+    rows = search.surface_rows_at(control)
+    places = candidates(search, rows.points, rows.residual, _PLACES, rng)
+    search.set_control(np.hstack([control, most_useful(search, rows, control, places, count)[0]]))
 
 
 def without_the_least_useful(search: Refinement, count: int) -> Float64[np.ndarray, "4 n"]:
@@ -113,11 +116,29 @@ def without_the_least_useful(search: Refinement, count: int) -> Float64[np.ndarr
     return np.delete(moved, dropped, axis=1)
 
 
-def _most_useful(
-    search: Refinement, control: Float64[np.ndarray, "4 n"], count: int, rng: np.random.Generator
-) -> np.ndarray:
-    points, residual, slope = search.surface_rows_at(control)
-    places = _candidates(search, points, residual, rng)
+def most_useful(
+    search: Refinement,
+    rows_at: SurfaceRows,
+    control: Float64[np.ndarray, "4 n"],
+    places: Float64[np.ndarray, "3 t"],
+    count: int,
+) -> tuple[Float64[np.ndarray, "4 c"], Float64[np.ndarray, "c"]]:
+    """Return the new control points that lower the sum of squares most, and by how much each does.
+
+    Parameters
+    ----------
+    search : Refinement
+        Tells how deep places lie.
+    rows_at : SurfaceRows
+        The rows that are to be lowered.
+    control : float array, shape (4, n)
+        Control points that stand nearby: what they can do by themselves needs no new one.
+    places : float array, shape (3, t)
+        Where a new one may come.
+    count : int
+        New ones at most.
+    """
+    points, residual, slope = rows_at
     n, m, tried = control.shape[1], len(residual), places.shape[1]
     rows = np.zeros((4 * n + tried + (-tried) % 4, m), dtype=np.float32)
     jacobian_of_rows(points, control.astype(np.float32), slope, rows[: 4 * n])
@@ -125,11 +146,10 @@ def _most_useful(
     by_weight = np.empty((4 * tried, m), dtype=np.float32)
     jacobian_of_rows(points, unit, slope, by_weight)
     # In a groove the place below one wall may lie on the other: nothing is to be gained there.
-    by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < STEEPEST)] = 0.0
+    by_weight[:tried][~(np.abs(by_weight[:tried]).max(axis=1) < _STEEPEST)] = 0.0
     rows[4 * n : 4 * n + tried] = by_weight[:tried]
     matrix, gradient = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
     add_normal_matrix(rows, residual, matrix, gradient)
-    # What the control points there are can do by themselves is taken out of the new ones.
     old = np.ascontiguousarray(matrix[: 4 * n, : 4 * n])
     diagonal = np.diagonal(old)
     damping = 1e-3 * diagonal + 1e-4 * diagonal.mean()
@@ -139,43 +159,51 @@ def _most_useful(
     )
     solve_lower(factor, shared)
     new_ones = slice(4 * n, 4 * n + tried)
-    gram, down = symmetric(matrix[new_ones, new_ones]), gradient[new_ones].copy()
+    gram, down = _symmetric(matrix[new_ones, new_ones]), gradient[new_ones].copy()
     own = np.diagonal(gram).copy()
-    taken, taken_down = products(shared[:, :tried].T, shared[:, tried])
+    taken, taken_down = _products(shared[:, :tried].T, shared[:, tried])
     gram -= taken
     down -= taken_down
-    chosen, _ = pursue(gram.copy(), down.copy(), own, count)
+    chosen, gains = _pursue(gram.copy(), down.copy(), own, count)
     weights = -np.linalg.solve(gram[np.ix_(chosen, chosen)], down[chosen])
     depth = search.depth_of(places[:, chosen])
-    weights = np.clip(weights, (SMALLEST * depth) ** 2, (LARGEST * depth) ** 2)
-    return np.vstack([places[:, chosen], weights])
+    weights = np.clip(weights, (_SMALLEST * depth) ** 2, (_LARGEST * depth) ** 2)
+    return np.vstack([places[:, chosen], weights]), gains
 
 
-def symmetric(lower: np.ndarray) -> np.ndarray:
-    """Return the symmetric matrix of which a lower triangle is given."""
+def _symmetric(lower: np.ndarray) -> np.ndarray:
     symmetric: np.ndarray = np.tril(lower) + np.tril(lower, -1).T
     return symmetric
 
 
-def products(rows: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _products(rows: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rows rows^T and rows vector; not by a matrix product, whose rounding could depend on threads."""
     padded = np.zeros((len(rows) + (-len(rows)) % 4, rows.shape[1]))
     padded[: len(rows)] = rows
     matrix, product = np.zeros((len(padded), len(padded))), np.zeros(len(padded))
     add_normal_matrix(padded, vector.copy(), matrix, product)
-    return symmetric(matrix[: len(rows), : len(rows)]), product[: len(rows)]
+    return _symmetric(matrix[: len(rows), : len(rows)]), product[: len(rows)]
 
 
-def _candidates(
-    search: Refinement, points: np.ndarray, residual: np.ndarray, rng: np.random.Generator
+def candidates(
+    search: Refinement, points: np.ndarray, residual: np.ndarray, most: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return places (rows x, y, z) below surface points, chosen the likelier the farther they lie off."""
+    """Return places (rows x, y, z) below surface points, chosen the likelier the farther they lie off.
+
+    Parameters
+    ----------
+    search : Refinement
+    points, residual : float32 arrays, shapes (3, m) and (m,)
+    most : int
+        Surface points that are chosen; below each there are places at several depths.
+    rng : numpy.random.Generator
+    """
     share = np.square(residual, dtype=np.float64) + 1e-16
     chosen = rng.choice(
-        len(residual), min(_PLACES, len(residual)), replace=False, p=share / share.sum(), shuffle=False
+        len(residual), min(most, len(residual)), replace=False, p=share / share.sum(), shuffle=False
     )
     tried = []
-    for times in DEPTHS:
+    for times in _DEPTHS:
         surface = points[:, chosen].astype(np.float64)
         places, depth = surface.copy(), np.full(len(chosen), times * search.soft_depth)
         push_in(search.prepared, places, depth, surface)
@@ -183,7 +211,7 @@ def _candidates(
     return np.hstack(tried)
 
 
-def pursue(gram: np.ndarray, down: np.ndarray, own: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _pursue(gram: np.ndarray, down: np.ndarray, own: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the candidates that lower the sum of squares most, one after the other, with k > 0.
 
     Parameters

@@ -53,6 +53,20 @@ class Residuals(NamedTuple):
         )
 
 
+class SurfaceRows(NamedTuple):
+    """Weighted rows at points, and their derivatives by f; all in single precision.
+
+    Attributes
+    ----------
+    points : float32 array, shape (3, m)
+    residual, slope : float32 arrays, shape (m,)
+    """
+
+    points: np.ndarray
+    residual: np.ndarray
+    slope: np.ndarray
+
+
 class InteriorPoints:
     """Points that must lie inside the avatar, or outside it, by a margin.
 

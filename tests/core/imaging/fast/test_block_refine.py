@@ -79,7 +79,7 @@ def test_the_gradient_of_a_block_is_that_of_its_rows(prepared: PreparedGrain, ar
             moved = part.begun.copy()
             moved[3] *= np.exp(times * step[:n])
             moved[:3] += times * step[n:].reshape(3, n)
-            return part.rows(moved).cost
+            return part.cost(part.rows(moved))
 
         # Rows are in single precision: large enough a difference to stand out.
         slope = (cost(1.0) - cost(-1.0)) / 2

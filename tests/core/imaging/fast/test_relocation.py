@@ -80,12 +80,12 @@ def test_a_place_on_the_surface_is_never_taken(cube: Grain, monkeypatch) -> None
     prepared = prepare(cube)
     control = np.vstack([np.random.default_rng(0).normal(size=(3, 12)) * 0.03, np.full(12, 0.6 / 12)])
     search = Refinement(prepared, control, RefineSettings())
-    given = relocation._candidates
+    given = relocation.candidates
 
-    def with_some_on_the_surface(search, points, residual, rng):
-        return np.hstack([points[:, :40].astype(float), given(search, points, residual, rng)])
+    def with_some_on_the_surface(search, points, residual, most, rng):
+        return np.hstack([points[:, :40].astype(float), given(search, points, residual, most, rng)])
 
-    monkeypatch.setattr(relocation, "_candidates", with_some_on_the_surface)
+    monkeypatch.setattr(relocation, "candidates", with_some_on_the_surface)
     points = search.surface_rows_at(control)[0]
     relocate(search, 4, np.random.default_rng(1))
     assert np.isfinite(search.control).all()
