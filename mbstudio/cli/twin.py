@@ -158,8 +158,9 @@ def _write(
     from mbstudio.core.replacement import replacing
     from mbstudio.core.twin.network_files import write_network
 
+    lengths = ("x", "y", "z", "gap", "gap_deviation", "branch_x", "branch_y", "branch_z")
     named = table.rename(
-        columns={name: f"{name} [{unit}]" for name in ("x", "y", "z", "gap", "gap_deviation")}
+        columns={name: f"{name} [{unit}]" for name in lengths} | {"area": f"area [{unit}^2]"}
     )
     with replacing(contacts) as part:
         named.to_csv(part, index=False)

@@ -58,7 +58,10 @@ def test_a_twin_is_kept_in_the_project_with_its_contacts_beside(mbstudio, projec
     with (tmp_path / "sand-contacts.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert sum(float(row["probability"]) >= 0.5 for row in rows) == told["contacts"]
-    assert any(name.startswith("gap [") for name in rows[0])
+    # All that has a unit says so.
+    bare = {"a", "b", "nx", "ny", "nz", "probability", "kind", "touches_border"}
+    assert {name for name in rows[0] if "[" not in name} == bare
+    assert {"gap [um]", "branch_x [um]", "area [um^2]"} <= set(rows[0])
     assert network.stat().st_size > 1000
     # To fit again asks for nothing: the twin's avatars stand.
     assert mbstudio("fit", project, "-n", 12, "--workers", 0, "--json").code == 0
