@@ -93,7 +93,8 @@ def pack(
 
     groups = {source.name: avatars}
     if against is not None:
-        groups["clones" if against == source else against.name] = clones_of(against)
+        name = "clones" if against == source else against.name
+        groups[str(against) if name in groups else name] = clones_of(against)
     with console.progress("Packing") as tell:
         found = compare_packings(
             groups, seeds=seeds, with_spheres=with_spheres, inset=inset, progress=tell, count=count, **options

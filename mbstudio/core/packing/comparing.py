@@ -151,10 +151,14 @@ def compare_packings(
     Raises
     ------
     PackingError
-        If there are fewer than two groups, or fewer than two packings in one.
+        If there are fewer than two groups, fewer than two packings in one, or two called "spheres".
     """
     waiting: dict[str, Sequence[Packing] | Sequence[Avatar] | GrainKinds] = dict(groups)
     if with_spheres:
+        if "spheres" in waiting:
+            raise PackingError(
+                "A group is called 'spheres', as those of the comparison are: name it otherwise."
+            )
         waiting["spheres"] = _spheres_of(next(iter(groups.values()), ()))
     if len(waiting) < 2:
         raise PackingError("A comparison needs two groups of grains, or one and spheres of the same sizes.")

@@ -64,3 +64,8 @@ def test_too_few_packings_are_no_comparison(balls, groups, words):
     packings = {name: [cubic_packing(balls)] * count for name, count in groups.items()}
     with pytest.raises(PackingError, match=words):
         compare_packings(packings)
+
+
+def test_a_group_called_spheres_is_not_lost(balls):
+    with pytest.raises(PackingError, match="called 'spheres'"):
+        compare_packings({"stones": balls, "spheres": balls}, with_spheres=True)
