@@ -147,7 +147,7 @@ def do_the_job(window: MainWindow, watch: Watch, scan: Path, clones: int, folder
     )  # fmt: skip
     watch.step(
         "learn the style", "Ctrl+5, Ctrl+L", lambda: (watch.press("Ctrl+5"), watch.press("Ctrl+L")),
-        lambda: f"from {len(window.workspace.style.parents.names)} parents",
+        lambda: f"surfaces of {len(window.workspace.surfaces.parents)} parents",
     )  # fmt: skip
 
     def generate() -> None:
@@ -160,7 +160,7 @@ def do_the_job(window: MainWindow, watch: Watch, scan: Path, clones: int, folder
 
     watch.step(
         f"make {clones} clones", f"the page Generate, {clones}, Ctrl+Shift+G", generate,
-        lambda: f"{len(state().clones)} clones",
+        lambda: f"{len(window.workspace.clones)} clones",
     )  # fmt: skip
 
     def export() -> None:
