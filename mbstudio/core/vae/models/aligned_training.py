@@ -272,7 +272,7 @@ def initial_numbers(
 PRESET = StylePreset(
     name=AlignedModel.preset,
     title="Aligned network",
-    summary="A variational autoencoder whose control points correspond: closest clones.",
+    summary="A variational autoencoder whose control points correspond: the closest of the networks.",
     model=AlignedModel,
     options=AlignedOptions,
     trainer=AlignedTrainer,
