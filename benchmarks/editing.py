@@ -143,15 +143,16 @@ def correct(window: MainWindow, side: int) -> list[str]:
     window.messages.dismiss()
     window.commands.run("grains.split")
 
-    def split() -> None:
-        for cells in (1, 2):
-            QTest.mouseClick(pane, LEFT, pos=pane.place_of(column + cells * CELL, row).toPoint())
+    def seed(cells: int) -> None:
+        QTest.mouseClick(pane, LEFT, pos=pane.place_of(column + cells * CELL, row).toPoint())
 
-    acts.do("splitting by two seeds, shown", split)
+    acts.do("splitting, the first seed", lambda: seed(1))
+    acts.do("the second, the split shown", lambda: seed(2))
     acts.do("taking the split", window.stations.grains.tools.accept)
     space.select(middle + 5)
     acts.do("deleting a grain", window.stations.grains.editing.delete)
-    acts.do("growing a grain", lambda: (space.select(middle + 6), window.stations.grains.editing.grow()))
+    acts.do("selecting another", lambda: space.select(middle + 6))
+    acts.do("growing it", window.stations.grains.editing.grow)
     acts.do("undo", space.undo)
     told = np.array(seen)
     wall, own = (np.percentile(column, (50, 95, 100)) for column in told.T)

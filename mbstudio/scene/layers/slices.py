@@ -54,7 +54,8 @@ def cut(volume: Any, axis: Axis, index: int) -> np.ndarray:
     """Return the slice of a [z, y, x] volume across `axis`, its rows along the later axis."""
     if axis == "z":
         return np.asarray(volume[index])
-    return np.asarray(volume[:, index, :] if axis == "y" else volume[:, :, index])
+    # Each voxel lies in another page of memory across x: they are fetched once, not at every step after it.
+    return np.ascontiguousarray(volume[:, index, :] if axis == "y" else volume[:, :, index])
 
 
 def slice_image(
@@ -77,7 +78,17 @@ def slice_image(
     look : LabelLook
         Whether grains are filled, outlined, or left out.
     """
-    image = np.repeat(grey_picture(grey, window)[..., None], 3, axis=2)
+    return with_grains(grey_picture(grey, window), labels, colours, look)
+
+
+def with_grains(
+    shown: UInt8[np.ndarray, "h w"],
+    labels: Int[np.ndarray, "h w"] | None = None,
+    colours: UInt8[np.ndarray, "k 3"] | None = None,
+    look: LabelLook = LabelLook(),  # noqa: B008  # frozen
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a grey picture as red, green and blue, grains outlined or filled as in :func:`slice_image`."""
+    image = np.repeat(shown[..., None], 3, axis=2)
     if labels is None or look.draws_nothing or not labels.any():
         return image
     if look.only is not None:
@@ -121,7 +132,7 @@ class SlicePlanes:
     look : LabelLook
         How grains are drawn over the grey values.
     images : dict of Axis to uint8 array, shape (h, w, 3)
-        Each slice as it stands in space.
+        Each slice as it stands in space, since it was last seen there.
     greys : dict of Axis to uint8 array, shape (h, w)
         Each slice without grains.
     labels : dict of Axis to int array, shape (h, w), or None
@@ -137,7 +148,8 @@ class SlicePlanes:
         self.counts: dict[Axis, int] = {"x": nx, "y": ny, "z": nz}
         self.index: dict[Axis, int] = {axis: count // 2 for axis, count in self.counts.items()}
         self.shown: dict[Axis, bool] = dict.fromkeys(AXES, True)
-        self._visible = True
+        self._visible = False
+        self._stale: set[Axis] = set()  # cut since they were last laid into space
         self._labels: LabelVolume | None = None
         self._colours: np.ndarray | None = None
         self.look = LabelLook()
@@ -276,26 +288,36 @@ class SlicePlanes:
 
     def _apply_visibility(self) -> None:
         for axis in AXES:
-            self._planes[axis].SetVisibility(self.is_seen(axis))
-            self._frames[axis].SetVisibility(self.is_seen(axis))
+            seen = self.is_seen(axis)
+            if seen and axis in self._stale:
+                self._lay(axis)
+            self._planes[axis].SetVisibility(seen)
+            self._frames[axis].SetVisibility(seen)
 
     def _draw_all(self) -> None:
         for axis in AXES:
             self._draw(axis)
 
     def _draw(self, axis: Axis) -> None:
+        """Cut a slice anew, and lay it into space if it is seen there."""
         index = self.index[axis]
-        labels = None if self._labels is None else cut(self._labels, axis, index)
-        grey = cut(self._scan.voxels, axis, index)
-        image = slice_image(grey, self.window, labels, self._colours, self.look)
-        self.images[axis], self.labels[axis] = image, labels
-        self.greys[axis] = grey_picture(grey, self.window)
+        self.labels[axis] = None if self._labels is None else cut(self._labels, axis, index)
+        self.greys[axis] = grey_picture(cut(self._scan.voxels, axis, index), self.window)
+        self._stale.add(axis)
+        if self.is_seen(axis):
+            self._lay(axis)
+
+    def _lay(self, axis: Axis) -> None:
+        """Lay a slice into space."""
+        self._stale.discard(axis)
+        image = with_grains(self.greys[axis], self.labels[axis], self._colours, self.look)
+        self.images[axis] = image
         number = AXES.index(axis)
         dimensions = [self.counts[name] for name in AXES]
         dimensions[number] = 1
         spacing = np.array(self._scan.voxel_size.xyz)
         origin = np.array(self._scan.origin, dtype=float)
-        origin[number] += index * spacing[number]
+        origin[number] += self.index[axis] * spacing[number]
         data = pv.ImageData(dimensions=dimensions, spacing=tuple(spacing), origin=tuple(origin))
         data.point_data["grey"] = image.reshape(-1, 3)
         self._planes[axis].GetMapper().SetInputData(data)
@@ -345,6 +367,7 @@ class Slices(Layer["Scan"]):
         if content is not None:
             self.stage.set_unit(content.unit)
             self.planes = SlicePlanes(self.stage.plotter, content, self.stage.theme.axes)
+            self.planes.set_visible(self.is_visible)
             self.stage.grey_window = self.planes.window
         self.stage.update()
 

@@ -293,7 +293,7 @@ class SliceViews(QObject):
         planes = self._view.scene.layers.slices.planes
         for _, across in PLANES:
             tint = self._view.tints.get(across)
-            if planes is None or tint is None or tint.shape[:2] != planes.images[across].shape[:2]:
+            if planes is None or tint is None or tint.shape[:2] != planes.greys[across].shape:
                 tint = None  # of another scan
             self._panes[across].set_tint(tint)
 

@@ -23,6 +23,7 @@ from mbstudio.ui.viewport.viewport import Viewport
 
 BUDGET = 0.03  # seconds that a picture may take while things move
 CALM = 200  # milliseconds without a change after which the picture is drawn sharp
+LATE = 0.03  # seconds after its time at which drawing sharp waits once more
 COARSEST = 0.25  # of the width and height, however slow
 SMOOTH = 4  # samples a pixel of a picture at rest
 MANY = (
@@ -54,13 +55,22 @@ class SoftwareViewport(Viewport):
         self._last: QPointF | None = None
         self._begun = False
         self._closed = False
+        self._latest_sharp = math.inf  # when drawing sharp would come late
         self._per_pixel = 0.0  # seconds, of the last pictures
         self._sharpen_soon = QTimer(self)
         self._sharpen_soon.setSingleShot(True)
         self._sharpen_soon.setInterval(CALM)
-        self._sharpen_soon.timeout.connect(self.render_now)
+        self._sharpen_soon.timeout.connect(self._sharpen)
         self._render_soon.timeout.disconnect()
         self._render_soon.timeout.connect(self._render_quickly)
+
+    def _sharpen(self) -> None:
+        if time.perf_counter() > self._latest_sharp:
+            # The window was busy when calm should have come: what waits behind comes first, but only once.
+            self._latest_sharp = math.inf
+            self._sharpen_soon.start()
+            return
+        self.render_now()
 
     def render_now(self) -> None:
         """Render at once and sharp."""
@@ -93,6 +103,7 @@ class SoftwareViewport(Viewport):
         width, height = self._pixels()
         spent = (time.perf_counter() - begun) / (scale * width * scale * height)
         self._per_pixel = spent if not self._per_pixel else 0.5 * (self._per_pixel + spent)
+        self._latest_sharp = time.perf_counter() + CALM / 1000 + LATE
         self._sharpen_soon.start()
 
     def picture(self, scale: int = 1) -> UInt8[np.ndarray, "h w 3"]:

@@ -135,6 +135,7 @@ def test_grains_are_filled_outlined_or_left_out(at_grains, panes):
     assert np.ptp(plain) <= 2, "grey"
     bar.fill.setValue(100)
     assert np.abs(colour_at(pane, 14, 12) - planes.colours[1]).max() <= 2
+    at_grains.view.show_layer("slices", True)
     assert np.abs(planes.images["z"][12, 14].astype(int) - planes.colours[1]).max() <= 2, "in space too"
     at_grains.workspace.select(2)
     commands.run("slices.chosen_only")

@@ -67,3 +67,12 @@ def test_pictures_to_keep_are_sharp(viewport):
     viewport._per_pixel = 1e3
     viewport.request_render()
     assert viewport.picture().shape[:2] == viewport._pixels()[::-1]
+
+
+def test_a_sharp_picture_that_comes_late_waits_once_for_what_stands_behind_it(viewport):
+    viewport._render_quickly()
+    viewport._latest_sharp = 0.0  # as after a long act
+    viewport._sharpen()
+    assert not viewport.is_sharp
+    viewport._sharpen()
+    assert viewport.is_sharp
