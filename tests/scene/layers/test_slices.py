@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pyvista as pv
 import pytest
+import pyvista as pv
 
 from mbstudio.core.grains.editing.label_volume import LabelVolume
 from mbstudio.core.scan import Scan
