@@ -202,4 +202,5 @@ def _print_quality(quality: Quality) -> None:
     }
     if quality.discrimination is not None:
         facts["classifier_auc"] = quality.discrimination.auc
+        facts["classifier_auc_error"] = quality.discrimination.error
     console.print_facts("Novelty", facts)

@@ -24,6 +24,7 @@ from mbstudio.core.metrics.perturbation import (
     shift_grain,
 )
 from mbstudio.core.metrics.shape_factors import DetailedFactors, ShapeFactors
+from mbstudio.core.metrics.voxel_surface import is_coarsely_sampled
 
 _SPREADS = 2.0
 """Standard deviations of the shifted copies on either side."""
@@ -90,10 +91,11 @@ def factor_intervals(
     The grain is measured again at four sub-voxel shifts, at a threshold one step lower and higher, and
     blurred by half a voxel. The interval spans the value, the thresholds' values, the value with the blur's
     effect undone, and, for what is measured on the smoothed surface, the value with twice the
-    loss undone that smoothing and sampling it again brought; it is wider on both sides by two standard
-    deviations of the shifted copies, joined with a share of a voxel. The latter was set on real
-    aggregates so that 95 % of their factors were held; docs/shape-factors.md shows how often those of others
-    are.
+    loss undone that smoothing and sampling it again brought. For area and sphericity of a grain of long
+    voxels, or less than six of its longest edges thick, it also spans what the other surface gives. It is
+    wider on both sides by two standard deviations of the shifted copies, joined with a share of a voxel. The
+    latter was set on real aggregates so that 95 % of their factors were held; docs/shape-factors.md shows
+    how often those of others are.
 
     Raises
     ------
@@ -117,7 +119,13 @@ def factor_intervals(
             measure_detail(copy, unit=unit) if detail else None,
         )
 
-    copies = _Copies(numbers, field, surface, axes)
+    others: dict[str, float] = {}
+    if is_coarsely_sampled(grain):
+        other = measure(
+            grain, unit=unit, axes=axes, surface="crofton" if surface == "smoothed" else "smoothed"
+        )
+        others = {name: float(getattr(other, name)) for name in ("area", "sphericity")}
+    copies = _Copies(numbers, field, surface, axes, others)
     voxel = max(grain.voxel_size.zyx) / grain.nominal_diameter
     intervals = {
         name: copies.interval(FACTORS[name], value, voxel)
@@ -136,8 +144,9 @@ class _Copies:
         field: GreyField,
         surface: VoxelSurface,
         axes: AxisConvention,
+        others: Mapping[str, float],
     ) -> None:
-        self._surface, self._axes = surface, axes
+        self._surface, self._axes, self._others = surface, axes, others
         self.shifted = [numbers(copy) for copy in shift_grain(field)]
         self.thresholds = [numbers(copy) for copy in move_threshold(field)]
         self.blurred = numbers(blur_grain(field))
@@ -150,6 +159,8 @@ class _Copies:
         candidates = [value, 2.0 * value - self.blurred[name], *(copy[name] for copy in self.thresholds)]
         if self._surface not in factor.voxels_only and not by_inertia:
             candidates.append(value - _UNDONE * float(shifted.mean() - value))
+        if name in self._others:
+            candidates.append(self._others[name])
         floor = voxel * _left_open(factor, self._axes) * (value if factor.power else 1.0)
         half = float(np.hypot(_SPREADS * shifted.std(ddof=1), floor))
         low, high = float(min(candidates)) - half, float(max(candidates)) + half

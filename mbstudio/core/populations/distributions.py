@@ -172,9 +172,28 @@ def kernel_density(
             "The density of values that are all equal is undefined: show their number instead."
         )
     kernel = gaussian_kde(values, weights=weights)
-    reach = 3.0 * float(np.sqrt(kernel.covariance[0, 0]))
+    reach = 3.0 * kernel_width(values, weights)
     x = np.linspace(low - reach, high + reach, _DENSITY_POINTS)
     return Density(x, kernel(x))
+
+
+def kernel_width(values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"] | None = None) -> float:
+    """Return Scott's width of the kernels of `kernel_density`: n**(-1/5) standard deviations.
+
+    n is the effective number of weighted values, 1 / sum(w**2).
+
+    Raises
+    ------
+    MeasureError
+        As `cumulative`, or if all values are equal.
+    """
+    values, weights = _check_values(values, weights)
+    _, deviation = moments(values, weights)
+    if not deviation > 0:
+        raise MeasureError(
+            "The density of values that are all equal is undefined: show their number instead."
+        )
+    return float(deviation * (1.0 / float(weights @ weights)) ** -0.2)
 
 
 def _check_values(

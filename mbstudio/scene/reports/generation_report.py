@@ -150,7 +150,9 @@ def _describe_novelty(quality: Quality) -> dict[str, str]:
     }
     if told is not None:
         known["Recognised as clones"] = (
-            f"area {told.auc:.3f} ± {told.error:.3f}, {100 * told.accuracy:.0f} % classified correctly"
+            f"area {told.auc:.2f} ± {told.error:.2f}, {100 * told.accuracy:.0f} % classified correctly; the "
+            "parents "
+            "as they were serialized ('mbstudio judge' compares with the grains themselves)"
         )
     return known
 

@@ -46,7 +46,8 @@ def test_a_plate_two_voxels_thick_carries_a_warning():
     assert "Less than 3 voxels thick" in found.warning
     assert found.volume == 288
     assert "Less than" in measure_detail(grain_of(np.ones((2, 12, 12)))).warning
-    assert measure(grain_of(np.ones((3, 12, 12)))).warning == ""
+    assert "Only 3.0 of the longest voxel edges thick" in measure(grain_of(np.ones((3, 12, 12)))).warning
+    assert measure(grain_of(np.ones((6, 12, 12)))).warning == ""
 
 
 @pytest.mark.parametrize("take", MEASURES)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.known_solids import KINDS, ellipsoid, solid
+from benchmarks.known_solids import ALL_KINDS, KINDS, box, ellipsoid, polyhedron, solid
 from mbstudio.core.grains import Grain
 from mbstudio.core.metrics import mass_properties, measure
 from mbstudio.core.metrics.crofton import block_shares, corrected_crofton_area, crofton_area
+from mbstudio.core.metrics.voxel_surface import voxel_outline
 from mbstudio.core.units import VoxelSize
 
 UNIT = VoxelSize(1, 1, 1, "um")
@@ -131,3 +132,67 @@ def test_axis_conventions_of_an_ellipsoid_and_a_box(axes):
     }[axes]
     for length, known in zip(box.lengths, expected, strict=True):
         assert known is None or length == pytest.approx(known, rel=2e-3)
+
+
+def long_ellipsoid(edge, seed):
+    body = ellipsoid(np.array([1.0, 0.5, 0.25]) * 24)
+    mask = body.voxels(np.random.default_rng(seed), (edge, 1.0, 1.0))
+    return body, Grain.from_mask(mask, (edge, 1.0, 1.0), unit="um", keep="largest")
+
+
+def test_the_surface_between_long_voxels_is_no_staircase():
+    errors = []
+    for seed in range(3):
+        body, grain = long_ellipsoid(4.0, seed)
+        found = measure(grain, surface="smoothed")
+        errors.append([found.area / body.area - 1, found.circularity / body.circularity - 1])
+        volume = np.linalg.det(np.asarray(voxel_outline(grain)[0])[voxel_outline(grain)[1]]).sum() / 6
+        assert volume == pytest.approx(grain.volume, rel=1e-3)
+    # A surface that follows the steps of the voxels has 5 % too much area, and 2.3 % too little circularity.
+    assert abs(np.mean(errors, axis=0)) == pytest.approx(np.zeros(2), abs=0.015)
+
+
+def test_whichever_axis_is_long_gives_the_same():
+    _, grain = long_ellipsoid(4.0, 1)
+    turned = Grain(
+        np.ascontiguousarray(np.moveaxis(grain.mask, 0, 2)),
+        VoxelSize(1.0, 1.0, 4.0, "um"),
+        origin=(3.0, 2.0, 1.0),
+    )
+    one, two = measure(grain, surface="smoothed"), measure(turned, surface="smoothed")
+    assert two.area == pytest.approx(one.area, rel=1e-3)
+    assert two.ds == pytest.approx(one.ds, rel=1e-3)
+
+
+@pytest.mark.parametrize("edge", [1.0, 4.0])
+def test_a_grain_of_few_voxels_says_how_far_it_is_off(edge):
+    body = ellipsoid(np.array([1.0, 0.5, 0.25]) * 12)
+    mask = body.voxels(np.random.default_rng(2), (edge, 1.0, 1.0))
+    found = measure(Grain.from_mask(mask, (edge, 1.0, 1.0), unit="um", keep="largest"))
+    assert found.csf > 1.05 * body.csf
+    assert ("longest voxel edges thick" if edge == 1 else "voxels thick everywhere") in found.warning
+    assert measure(long_ellipsoid(1.0, 1)[1]).warning == ""
+
+
+def test_twenty_solids_count_to_their_volume():
+    assert len(set(ALL_KINDS)) == 20
+    for kind in ALL_KINDS:
+        body = solid(kind, 24)
+        mask = body.voxels(np.random.default_rng(7))
+        assert np.count_nonzero(mask) == pytest.approx(body.volume, rel=0.01), kind
+        found = mass_properties(Grain(mask, UNIT), 1e18)
+        assert found.principal / found.mass == pytest.approx(body.moments, rel=0.02), kind
+        assert body.shadow[1] ** 2 / (4 * np.pi * body.shadow[0]) - 1 + 1e-9 > 0, kind
+
+
+def test_polyhedra_from_their_corners_are_those_in_closed_form():
+    edge = np.sqrt(2)
+    octahedron = solid("octahedron", 1.0)
+    assert octahedron.volume == pytest.approx(np.sqrt(2) / 3 * edge**3)
+    assert octahedron.area == pytest.approx(2 * np.sqrt(3) * edge**2)
+    assert octahedron.moments == pytest.approx(np.full(3, edge**2 / 10))
+    assert octahedron.shadow == pytest.approx((edge**2, 4 * edge))
+    cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    made, known = polyhedron(cube, "cube"), box(np.ones(3))
+    assert made.shadow == pytest.approx(known.shadow)
+    assert made.moments == pytest.approx(known.moments)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from benchmarks.known_solids import solid
+from benchmarks.known_solids import ellipsoid, solid
 from mbstudio.core.errors import MeasureError
 from mbstudio.core.grains import Grain
 from mbstudio.core.metrics import CORE_FACTORS, DETAILED_FACTORS, factor_intervals, measure
@@ -108,3 +108,18 @@ def test_what_does_not_fit_is_refused():
     grey[0, 0, 0] = np.nan
     with pytest.raises(MeasureError, match="finite"):
         factor_intervals(grain, grey=grey, threshold=threshold)
+
+
+def test_the_interval_of_a_thin_grain_of_long_voxels_holds_its_area():
+    edges, held = (4.0, 1.0, 1.0), []
+    for seed in (3, 5):
+        body = ellipsoid(np.array([1.0, 0.5, 0.25]) * 12)
+        grain = Grain.from_mask(
+            body.voxels(np.random.default_rng(seed), edges), edges, unit="um", keep="largest"
+        )
+        found = factor_intervals(grain)
+        held += [
+            found.intervals[name][0] <= getattr(body, name) <= found.intervals[name][1]
+            for name in ("area", "sphericity", "csf")
+        ]
+    assert all(held)

@@ -65,7 +65,12 @@ _FACTS = (
     ),
     (
         mark("Recognised as clones"),
-        mark("Area under the ROC curve of a random forest that tells clones from parents: 0.5 is guessing"),
+        mark(
+            "Area under the ROC curve of a forest that tells clones from parents as they were serialized, "
+            "with the "
+            "error of drawing and teaching it anew; 0.5 is guessing. Page Judge compares with the grains "
+            "themselves"
+        ),
     ),
 )
 
