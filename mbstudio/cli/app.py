@@ -31,6 +31,7 @@ from mbstudio.cli import (
     tour,
     twin,
 )
+from mbstudio.cli.laboratory import enough, grading, porosity
 from mbstudio.cli.packings import pack, packing
 from mbstudio.core.errors import MbstudioError
 
@@ -55,6 +56,9 @@ _COMMANDS: dict[ModuleType, Callable[..., None]] = {
     sweep: sweep.sweep,
     measure: measure.measure,
     report: report.report,
+    enough: enough.enough,
+    grading: grading.grading,
+    porosity: porosity.porosity,
     export: export.export,
     pack: pack.pack,
     packing: packing.packing,

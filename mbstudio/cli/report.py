@@ -10,6 +10,13 @@ from typing import Annotated
 import typer
 
 from mbstudio.cli import console, inputs
+from mbstudio.cli.laboratory.measured import (
+    BorderOption,
+    LaboratoryOption,
+    PrecisionOption,
+    SeedOption,
+    counts_for_border,
+)
 from mbstudio.cli.measure import (
     Axes,
     AxesOption,
@@ -22,6 +29,8 @@ from mbstudio.cli.measure import (
     require_table_output,
 )
 from mbstudio.cli.measuring import failures_of, measure_grains
+from mbstudio.core.populations.findings import find_sizes
+from mbstudio.core.populations.laboratory import read_laboratory_table
 
 
 class Sieves(StrEnum):
@@ -31,9 +40,11 @@ class Sieves(StrEnum):
     ASTM = "astm"
 
 
-HELP = """Compare the grains and avatars of a project in one HTML file with figures.
+HELP = """Compare the grains and avatars of a project in one file with figures: HTML, PDF or JSON by its
+ending.
 
-The grains are selected as for 'mbstudio measure'.
+The grains are selected as for 'mbstudio measure'. Intervals, numbers of grains needed, classes and indices of
+standards, tests, porosity, methods with citations, and what is needed to repeat it stand in it.
 """
 
 
@@ -41,8 +52,18 @@ def report(
     source: Annotated[Path, typer.Argument(metavar="PROJECT", help="A project with grains.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="HTML file; by default beside the project."),
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="File ending with .html, .pdf or .json; by default HTML."
+        ),
     ] = None,
+    certificate: Annotated[
+        Path | None,
+        typer.Option("--certificate", metavar="PDF", help="Also write a certificate on one page."),
+    ] = None,
+    laboratory: LaboratoryOption = None,
+    border: BorderOption = False,
+    precision: PrecisionOption = 0.05,
+    seed: SeedOption = 0,
     grains: GrainsOption = None,
     limit: LimitOption = None,
     unit: inputs.UnitOption = None,
@@ -57,19 +78,31 @@ def report(
 ) -> None:
     """Run ``mbstudio report``; `HELP` says what it does."""
     path = output or source.with_suffix(".html")
-    require_table_output(path, source)
+    for output in (path, certificate):
+        require_table_output(output, source)
+    tables = [read_laboratory_table(table) for table in laboratory or ()]
     begun = time.monotonic()
     project, labels = chosen_grains(source, grains, limit)
     populations = measure_grains(
         project, labels, unit=unit, axes=axes.value, surface=surface.value, detail=detail, workers=workers
     )
+    from mbstudio.scene.figures.population_style import select_measured
+    from mbstudio.scene.reports.certificate import write_certificate
     from mbstudio.scene.reports.population_report import write_report
 
+    select_measured([populations.grains])
+    findings = find_sizes(
+        populations.grains, counts=counts_for_border(project, populations) if border else None,
+        tables=tables, precision=precision, seed=seed,
+    )  # fmt: skip
     with console.progress("Drawing") as tell:
-        write_report(path, project, populations, sieves=sieves.value, progress=tell)
+        write_report(path, project, populations, sieves=sieves.value, findings=findings, progress=tell)
+    if certificate is not None:
+        write_certificate(certificate, project, populations, findings)
     avatars = populations.avatars
     summary = {
         "report": path,
+        **({} if certificate is None else {"certificate": certificate}),
         "grains": int(populations.grains.measured.sum()),
         "avatars": 0 if avatars is None else int(avatars.measured.sum()),
         "not_measured": sum(len(reasons) for reasons in failures_of(populations).values()),

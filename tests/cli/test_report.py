@@ -16,8 +16,8 @@ def test_the_report_needs_nothing_else(mbstudio, fitted_project, tmp_path):
     assert ran.code == 0
     text = path.read_text(encoding="utf-8")
     assert "3 grains and 3 avatars" in text
-    # Six figures, all within the file; nothing that a browser would fetch or run.
-    assert text.count("data:image/svg+xml;base64,") == text.count("<img ") == 6
+    # Seven figures, all within the file; nothing that a browser would fetch or run.
+    assert text.count("data:image/svg+xml;base64,") == text.count("<img ") == 7
     outside = re.sub(r'src="data:[^"]*"', "", text)
     assert not re.search(r"https?:|src=|href=|url\(|@import|<script", outside)
     for said in (

@@ -387,6 +387,11 @@ FACTORS = FactorTable(
 """Every shape factor. The core factors come first, in the order of their columns."""
 
 
+FITTED_FACTORS = frozenset({"volume", "area", "sphericity", "dn"})
+"""What the search for an avatar fits, and what follows from it alone: small errors of these show no
+likeness."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
     """A factor that a direction of the latent space is named after.

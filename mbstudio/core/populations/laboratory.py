@@ -323,8 +323,7 @@ def _finer_of_sums(sums: Float[np.ndarray, " sieves"], kind: str, name: str) -> 
         place = int(np.argmax(np.diff(finer) < -1e-9))
         raise MeasureError(
             f"{name}: the percent finer falls from {finer[place]:.4g} to {finer[place + 1]:.4g} at larger "
-            "openings: "
-            "it must rise."
+            "openings: it must rise."
         )
     if float(finer.max()) < 50.0:
         raise MeasureError(

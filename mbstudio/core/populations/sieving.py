@@ -111,7 +111,13 @@ class SizeDistribution:
         return self.d30**2 / (self.d10 * self.d60)
 
 
-def size_distribution(population: Population, sieves: SieveSeries | None = None) -> SizeDistribution:
+def size_distribution(
+    population: Population,
+    sieves: SieveSeries | None = None,
+    *,
+    counts: Float[np.ndarray, " bodies"] | None = None,
+    openings: Float[np.ndarray, " openings"] | None = None,
+) -> SizeDistribution:
     """Return the particle-size distribution of a population.
 
     Parameters
@@ -119,6 +125,10 @@ def size_distribution(population: Population, sieves: SieveSeries | None = None)
     population : Population
     sieves : {"iso", "astm"}, optional
         Read it off at the openings of a standard series, as a laboratory would; else at every body's size.
+    counts : float array, shape (bodies,), optional
+        How many bodies each stands for (`border_weights`); one by default.
+    openings : float array, optional
+        Read it off at these sizes, rising, in the population's unit, instead of a series.
 
     Raises
     ------
@@ -133,15 +143,29 @@ def size_distribution(population: Population, sieves: SieveSeries | None = None)
         raise MeasureError(
             f"No body of population '{population.name}' could be measured, so it has no sizes."
         )
-    size, volume = size[defined], volume[defined]
+    if counts is not None and (len(counts) != len(population) or not (np.asarray(counts)[defined] > 0).all()):
+        raise MeasureError(f"{len(population)} bodies need as many counts, all above zero.")
+    size, volume = size[defined], (volume if counts is None else volume * counts)[defined]
+    if openings is not None:
+        return _read_at(size, volume, np.asarray(openings, dtype=float), population.unit, "own sieves")
     if sieves is None:
-        openings = np.unique(size)
+        at = np.unique(size)
     else:
-        openings = standard_sieves(sieves, float(size.min()), float(size.max()), population.unit)
+        at = standard_sieves(sieves, float(size.min()), float(size.max()), population.unit)
+    return _read_at(size, volume, at, population.unit, SERIES_NAMES[sieves] if sieves else "")
+
+
+def _read_at(
+    size: Float[np.ndarray, " n"],
+    volume: Float[np.ndarray, " n"],
+    openings: Float[np.ndarray, " openings"],
+    unit: str,
+    sieves: str,
+) -> SizeDistribution:
     order = np.argsort(size, kind="stable")
     mass = np.concatenate([[0.0], np.cumsum(volume[order])])
     finer = 100.0 * mass[np.searchsorted(size[order], openings, side="right")] / mass[-1]
-    return SizeDistribution(openings, finer, population.unit, SERIES_NAMES[sieves] if sieves else "")
+    return SizeDistribution(openings, finer, unit, sieves)
 
 
 def standard_sieves(

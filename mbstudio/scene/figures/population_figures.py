@@ -20,6 +20,8 @@ from mbstudio.core.populations import (
     histogram,
     kernel_density,
 )
+from mbstudio.core.populations.bootstrap import Bootstrap
+from mbstudio.core.populations.laboratory import LaboratoryCurve
 from mbstudio.core.units import conversion_factor
 from mbstudio.scene.figures.population_style import (
     DASHES,
@@ -46,6 +48,7 @@ JOINT_FACTORS = ("dn", "sphericity", "circularity", "csf", "dns")
 """Factors of the pairwise matrix."""
 
 _MOST_POINTS = 4000
+_BAND_POINTS, _BAND_SAMPLES = 120, 400
 
 
 def cdf_figure(
@@ -54,6 +57,7 @@ def cdf_figure(
     *,
     by: Weighting = "number",
     theme: SceneTheme = LIGHT,
+    bands: bool = False,
 ) -> Figure:
     """Draw the cumulative distributions of each factor, as the paper's figure 8 does.
 
@@ -65,6 +69,8 @@ def cdf_figure(
     factors : sequence of str
     by : {'number', 'volume'}
     theme : SceneTheme
+    bands : bool
+        Shade what drawing the bodies again shows, at 95 % for each point.
 
     Returns
     -------
@@ -75,7 +81,7 @@ def cdf_figure(
     MeasureError
         If no body of any population could be measured, or the populations were measured differently.
     """
-    return _distributions_figure(populations, factors, by, theme, "cdf")
+    return _distributions_figure(populations, factors, by, theme, "cdf", bands)
 
 
 def pdf_figure(
@@ -127,6 +133,7 @@ def _distributions_figure(
     by: Weighting,
     theme: SceneTheme,
     kind: Literal["cdf", "pdf"],
+    bands: bool = False,
 ) -> Figure:
     from matplotlib.figure import Figure
 
@@ -146,6 +153,8 @@ def _distributions_figure(
         axes.set_xlabel(FACTORS[name].heading(unit), color=theme.ink)
         draw = _draw_cdf if kind == "cdf" else _draw_pdf
         draw(axes, shown, name, by, theme, scale)
+        if bands:
+            _draw_bands(axes, shown, name, by, theme, scale)
         if place % columns == 0:
             share = "number" if by == "number" else "mass"
             axes.set_ylabel(
@@ -168,6 +177,26 @@ def _draw_cdf(
             color=colour_of(population, theme), linewidth=1.8, linestyle=DASHES[place % len(DASHES)],
         )  # fmt: skip
     axes.set_ylim(0, 1.02)
+
+
+def _draw_bands(
+    axes: Axes, shown: Sequence[Population], name: str, by: Weighting, theme: SceneTheme, scale: float
+) -> None:
+    for population in shown:
+        values = population.values(name)
+        if not len(values):
+            continue
+        at = np.linspace(float(values.min()), float(values.max()), _BAND_POINTS)
+        band = Bootstrap(population, samples=_BAND_SAMPLES).cumulative(name, at, by)
+        axes.fill_between(
+            scale * at,
+            band.low,
+            band.high,
+            color=colour_of(population, theme),
+            alpha=0.18,
+            linewidth=0,
+            step="post",
+        )
 
 
 def _draw_pdf(
@@ -295,6 +324,8 @@ def joint_figure(
 def sieve_figure(
     curves: Sequence[tuple[Population, SizeDistribution]],
     *,
+    laboratory: Sequence[LaboratoryCurve] = (),
+    bands: bool = False,
     theme: SceneTheme = LIGHT,
 ) -> Figure:
     """Draw percent finer by mass against size in mm on a logarithmic axis, as sieve analyses are drawn.
@@ -303,6 +334,10 @@ def sieve_figure(
     ----------
     curves : sequence of (Population, SizeDistribution)
         A curve on sieves is drawn with a mark at every sieve, one of the bodies' own sizes as a plain line.
+    laboratory : sequence of LaboratoryCurve
+        Measured curves, drawn beside them.
+    bands : bool
+        Shade what drawing the bodies again shows, at 95 % for each size.
     theme : SceneTheme
 
     Raises
@@ -320,10 +355,24 @@ def sieve_figure(
     for place, (population, curve) in enumerate(curves):
         sizes = curve.sizes * conversion_factor(curve.unit, "mm")
         reach += [float(sizes[0]), float(sizes[-1])]
+        if bands:
+            band = Bootstrap(population, samples=_BAND_SAMPLES).finer(_thinned(curve.sizes))
+            axes.fill_between(
+                band.x * conversion_factor(curve.unit, "mm"), band.low, band.high,
+                color=colour_of(population, theme), alpha=0.18, linewidth=0,
+            )  # fmt: skip
         axes.plot(
             sizes, curve.finer, color=colour_of(population, theme), linewidth=1.9,
             linestyle=DASHES[place % len(DASHES)], marker=MARKERS[place % 3] if curve.sieves else "",
             markersize=5, label=_sieve_words(population, curve),
+        )  # fmt: skip
+    for place, measured in enumerate(laboratory):
+        sizes = measured.curve.sizes
+        reach += [float(sizes[0]), float(sizes[-1])]
+        axes.plot(
+            sizes, measured.curve.finer, color=theme.ink, linewidth=1.4,
+            linestyle=DASHES[(place + 1) % len(DASHES)], marker="D", markersize=4.5,
+            label=f"{measured.name} (laboratory)",
         )  # fmt: skip
     axes.set_xscale("log")
     # Whole decades are the standards' look, but they squeeze a uniform sand into a sliver.
@@ -344,6 +393,12 @@ def sieve_figure(
     legend = axes.legend(loc="upper left", fontsize=8.5, labelcolor=theme.ink, framealpha=0.92)
     legend.get_frame().set_edgecolor("#d5dbe0")
     return figure
+
+
+def _thinned(sizes: Float[np.ndarray, " points"]) -> Float[np.ndarray, " points"]:
+    """Return at most as many sizes as a band is drawn of."""
+    step = max(1, len(sizes) // _BAND_POINTS)
+    return np.unique(np.append(sizes[::step], sizes[-1]))
 
 
 def _sieve_words(population: Population, curve: SizeDistribution) -> str:

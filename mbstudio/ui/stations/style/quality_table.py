@@ -67,9 +67,8 @@ _FACTS = (
         mark("Recognised as clones"),
         mark(
             "Area under the ROC curve of a forest that tells clones from parents as they were serialized, "
-            "with the "
-            "error of drawing and teaching it anew; 0.5 is guessing. Page Judge compares with the grains "
-            "themselves"
+            "with the error of drawing and teaching it anew; 0.5 is guessing. Page Judge compares with the "
+            "grains themselves"
         ),
     ),
 )

@@ -1,0 +1,1 @@
+"""The commands of a laboratory: `grading`, `enough` and `porosity`. Begin at `grading`."""
