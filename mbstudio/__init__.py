@@ -14,6 +14,7 @@ from mbstudio.core.version import __version__
 if TYPE_CHECKING:
     from mbstudio.core.cloning.parent_avatars import fit_parents
     from mbstudio.core.cloning.surface_generation import generate_surfaces
+    from mbstudio.core.cloning.surface_studio import SurfaceStudio
     from mbstudio.core.cloning.surface_style import SurfaceStyle, learn_surfaces
     from mbstudio.core.cloning.surface_style_file import load_surface_style, save_surface_style
     from mbstudio.core.dem import export
@@ -47,6 +48,7 @@ _HOME_OF = {
     "ShapeFactors": "metrics",
     "Stroke": "grains.classifying",
     "StyleLearner": "vae.models.style_learner",
+    "SurfaceStudio": "cloning.surface_studio",
     "SurfaceStyle": "cloning.surface_style",
     "TwinResult": "twin.result",
     "VoxelClassifier": "grains.classifying",
@@ -86,6 +88,7 @@ __all__ = [
     "ShapeFactors",
     "Stroke",
     "StyleLearner",
+    "SurfaceStudio",
     "SurfaceStyle",
     "TwinResult",
     "VoxelClassifier",

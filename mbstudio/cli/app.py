@@ -22,7 +22,6 @@ from mbstudio.cli import (
     generate,
     gui,
     judge,
-    latent,
     learn,
     measure,
     report,
@@ -33,6 +32,7 @@ from mbstudio.cli import (
 )
 from mbstudio.cli.laboratory import enough, grading, porosity
 from mbstudio.cli.packings import pack, packing
+from mbstudio.cli.shaping import latent
 from mbstudio.core.errors import MbstudioError
 
 FAILED = 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +102,7 @@ def generate_surface_clones(
             found = generate_surfaces(
                 style, count, seed, options=options, targets=where, processes=processes, progress=tell
             )
-        _write(found, folder, unit, overwrite)
+        write_clones(found, folder, unit, overwrite)
     summary: dict[str, Any] = {
         "clones": len(found),
         "folder": str(folder),
@@ -143,7 +143,11 @@ def _rms(found: SurfaceGeneration) -> pd.Series:
     return clones_table(found)["avatar_rms"]
 
 
-def _write(found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: bool) -> None:
+def write_clones(
+    found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: bool,
+    more: Mapping[str, str] | None = None,
+) -> None:  # fmt: skip
+    """Write surfaces, metaballs and tables into a folder, and `more` files by name."""
     from trimesh.exchange.ply import export_ply
 
     from mbstudio.core.cloning.clones_table import CLONES_TABLE, clones_table
@@ -156,6 +160,7 @@ def _write(found: SurfaceGeneration, folder: Path, unit: str | None, overwrite: 
     table = table.drop(columns=[name for name in ("warning", "not_measured") if not any(table[name])])
     table.insert(1, "name", names)
     files: dict[str, str | bytes] = {
+        **(more or {}),
         FACTORS_TABLE: table.to_csv(index=False, lineterminator="\r\n"),
         CLONES_TABLE: clones_table(found).to_csv(index=False, lineterminator="\r\n"),
     }

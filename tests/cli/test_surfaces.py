@@ -56,7 +56,6 @@ def test_surfaces_are_learned_and_generated(mbstudio, stones, tmp_path):
         (("generate", "style", "-o", "clones", "--report", "r.html"), "mbstudio judge"),
         (("generate", "style", "-o", "style"), "choose another folder"),
         (("generate", "style", "-o", "clones"), "holds no avatars of its parents"),
-        (("latent", "style", "--noise", "1", "-o", "clones"), "is a style of surfaces"),
     ],
 )
 def test_what_surfaces_cannot_do_is_told(mbstudio, stones, tmp_path, monkeypatch, words, told):

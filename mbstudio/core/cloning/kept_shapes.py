@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,20 +34,56 @@ def keep_shape(
     CloningError
         If no metaball can be fitted.
     """
-    style, shape = studio.style, grain.shape
     taken = set() if clones is None else set(clones.names)
     number = next(k for k in range(1, len(taken) + 2) if f"shaped_{k}" not in taken)
-    recipe = CloneRecipe(shape.parent, shape.form, shape.turn, shape.warp, shape.diameter)
-    clone = SurfaceClone(
-        f"shaped_{number}", grain.surface, recipe, style.parents[shape.parent].name, style.unit,
-        studio.fit(grain), describe_shape(shape, style) or _KEPT,
-    )  # fmt: skip
-    factors = measure_population(
-        [clone.mesh()], (1,), name="clones", kind="clones", unit=style.unit, workers=0
-    )
+    kept = keep_shapes(studio, [grain], [f"shaped_{number}"])
     if clones is None:
-        return SurfaceGeneration((clone,), factors, 1, _KEPT, (), 0, CloneOptions())
-    return replace(clones, clones=(*clones.clones, clone), factors=_joined(clones.factors, factors))
+        return kept
+    return replace(
+        clones, clones=(*clones.clones, *kept.clones), factors=_joined(clones.factors, kept.factors)
+    )
+
+
+def keep_shapes(
+    studio: SurfaceStudio,
+    grains: Sequence[ShapedGrain],
+    names: Sequence[str],
+    progress: Callable[[float, str], None] | None = None,
+) -> SurfaceGeneration:
+    """Return shaped grains as clones, measured and each with a metaball.
+
+    Parameters
+    ----------
+    studio : SurfaceStudio
+    grains : sequence of ShapedGrain
+        One at least.
+    names : sequence of str
+    progress : callable, optional
+        ``progress(share, message)``; what it raises ends the work.
+
+    Raises
+    ------
+    CloningError
+        If no metaball can be fitted to one of them.
+    """
+    clones = []
+    for place, (grain, name) in enumerate(zip(grains, names, strict=True)):
+        if progress is not None:
+            progress(place / len(grains), name)
+        clones.append(_clone_of(studio, grain, name))
+    factors = measure_population(
+        [clone.mesh() for clone in clones], range(1, len(clones) + 1), name="clones", kind="clones",
+        unit=studio.style.unit, workers=0,
+    )  # fmt: skip
+    return SurfaceGeneration(tuple(clones), factors, len(clones), _KEPT, (), 0, CloneOptions())
+
+
+def _clone_of(studio: SurfaceStudio, grain: ShapedGrain, name: str) -> SurfaceClone:
+    style, shape = studio.style, grain.shape
+    recipe = CloneRecipe(shape.parent, shape.form, shape.turn, shape.warp, shape.diameter)
+    told = describe_shape(shape, style) or _KEPT
+    parent = style.parents[shape.parent].name
+    return SurfaceClone(name, grain.surface, recipe, parent, style.unit, studio.fit(grain), told)
 
 
 def describe_shape(shape: GrainShape, style: SurfaceStyle) -> str:

@@ -33,6 +33,8 @@ over that of the convex hull; height of what is finer than a twelfth of the way 
 _BANDS: Mapping[str, str] = MappingProxyType(
     {"sphericity": "coarse", "convexity": "edges", "roughness": "fine"}
 )
+BANDED_FACTORS = tuple(_BANDS)
+"""Factors that are reached by the gain of a band of the surface; the others are exact."""
 _GAINS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"coarse": (0.0, 1.8), "edges": (0.0, 1.8), "fine": (0.0, 2.5)}
 )

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mbstudio.cli import console, inputs
-from mbstudio.cli.by_hand import TABLE, ByHand
+from mbstudio.cli.shaping.by_hand import TABLE, ByHand
 from mbstudio.core.errors import StyleError
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from mbstudio.cli.shaping.surfaces_by_hand import SurfacesByHand
+    from mbstudio.core.cloning.surface_studio import GrainShape
     from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.serialize.serialization import Serialization
 
@@ -24,6 +27,10 @@ HELP = """Shape grains by hand: interpolate, add, blend, vary, move along meanin
 A, B and C are parents, by name or by number from 1; files with a mesh or an avatar; or grains made
 before, as folder/latents.csv:moved_1 or recipes.json:NAME. Meanings are size, elongation, csf,
 sphericity and roughness. Without an operation, the command describes the style-learner.
+
+With a style of surfaces A, B and C are parents, or shapes made before, as folder/shapes.json:moved_1;
+the factors are also elongation (I/L), flatness (S/I) and convexity, and what is written is as of
+'mbstudio generate'.
 """
 
 StyleArgument = Annotated[
@@ -104,6 +111,8 @@ def latent(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio latent``; `HELP` says what it does."""
+    from mbstudio.cli.shaping.surfaces_by_hand import shape_surfaces
+    from mbstudio.core.cloning.surface_style_file import holds_surface_style
     from mbstudio.core.vae.models.style_learner import load_style_learner
 
     begun = time.monotonic()
@@ -112,6 +121,15 @@ def latent(
         raise StyleError(
             "Give only one of --interpolate, --add, --blend, --noise, --move, --design and --take."
         )
+    if holds_surface_style(style):
+        operation = partial(
+            _on_surfaces, interpolate=interpolate, add=add, blend=blend, noise=noise, move=move, by=by,
+            design=design, take=take, steps=steps, sigma=sigma, count=count, strength=strength,
+        )  # fmt: skip
+        shape_surfaces(
+            style, operation if any(asked) else None, folder, seed, unit, overwrite=overwrite, as_json=as_json
+        )
+        return
     learner = load_style_learner(style)
     work = ByHand(learner, seed, unit)
     if not any(asked):
@@ -140,6 +158,28 @@ def latent(
     _finish(
         learner, latents, what, folder, f"{style.name}: {recipe}", unit, overwrite, as_json, begun, beyond
     )
+
+
+def _on_surfaces(
+    work: SurfacesByHand, *, interpolate: tuple[str, str] | None, add: tuple[str, str, str] | None,
+    blend: list[str] | None, noise: str | None, move: str | None, by: list[str] | None,
+    design: list[str] | None, take: list[str] | None, steps: int, sigma: float, count: int, strength: float,
+) -> tuple[list[GrainShape], str, str]:  # fmt: skip
+    """Return the shapes that were asked for, what each is called, and how they were made."""
+    if interpolate:
+        return work.interpolated(*interpolate, steps), "steps", f"from {interpolate[0]} to {interpolate[1]}"
+    if add:
+        return work.added(*add, strength), "sum", f"{add[0]} + {strength:g} ({add[1]} - {add[2]})"
+    if blend:
+        return work.blended(blend), "blend", f"blend of {' '.join(blend)}"
+    if noise:
+        return work.varied(noise, sigma, count), "variation", f"{noise} with warps of strength {sigma:g}"
+    if move:
+        return work.moved(move, by or []), "moved", f"{move} moved by {' '.join(by or [])}"
+    if design:
+        return work.design(design), "design", f"designed for {' '.join(design)}"
+    assert take is not None
+    return work.taken(take), "grain", ", ".join(take)
 
 
 def _finish(
