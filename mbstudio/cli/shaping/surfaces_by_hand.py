@@ -124,10 +124,7 @@ class SurfacesByHand:
 
         found = design(self.studio, self.known, numbers(targets))
         if found.missed:
-            reached = ", ".join(f"{name} {found.grain.values[name]:.4g}" for name in found.targets)
-            raise StyleError(
-                f"These parents cannot give {' '.join(targets)}: the closest grain has {reached}."
-            )
+            raise StyleError(_refusal(found, " ".join(targets)))
         return [found.grain.shape]
 
     def _told(self, found: DesignedGrain) -> list[GrainShape]:
