@@ -13,12 +13,17 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float64
 
+from mbstudio.core.cloning.clone_maker import Surface
+from mbstudio.core.cloning.parent_surface import ParentSurface
+from mbstudio.core.cloning.solid_moments import principal_form, solid_moments
 from mbstudio.core.cloning.surface_studio import (
     BANDED_FACTORS,
     SHAPE_FACTORS,
     GrainShape,
     ShapedGrain,
     SurfaceStudio,
+    area_of,
+    convexity_of,
     with_axis_ratios,
 )
 from mbstudio.core.errors import CloningError
@@ -66,7 +71,7 @@ class ParentFactors:
     Attributes
     ----------
     values : float array, shape (parents, 7)
-        In the order of `SHAPE_FACTORS`; size in the unit of the style.
+        In the order of `SHAPE_FACTORS`; size in the unit of the style. NaN where it was not measured.
     """
 
     values: Float64[np.ndarray, "parents 7"]
@@ -83,6 +88,11 @@ class ParentFactors:
             rows.append([values[name] for name in SHAPE_FACTORS])
         return cls(np.array(rows))
 
+    @classmethod
+    def plain(cls, values: Float64[np.ndarray, "parents 6"]) -> ParentFactors:
+        """Return what is known without roughness, which takes longest."""
+        return cls(np.column_stack([values, np.full(len(values), np.nan)]))
+
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviation of each factor among the parents."""
@@ -93,9 +103,30 @@ class ParentFactors:
         """Return the parents whose factors are nearest to what is asked for, in standard deviations."""
         columns = [SHAPE_FACTORS.index(name) for name in targets]
         spread = np.maximum(self.values[:, columns].std(axis=0, ddof=1), 1e-12)
-        away = (self.values[:, columns] - np.array(list(targets.values()))) / spread
+        away = np.nan_to_num((self.values[:, columns] - np.array(list(targets.values()))) / spread)
         rows: list[int] = np.argsort((away**2).sum(axis=1), kind="stable")[:count].tolist()
         return rows
+
+
+PLAIN_FACTORS = SHAPE_FACTORS[:-1]
+"""Factors that a surface alone tells; roughness needs its bands."""
+
+
+def plain_factors(surface: Surface) -> Float64[np.ndarray, " 6"]:
+    """Return what a closed surface tells of itself, in the order of `PLAIN_FACTORS`."""
+    moments = solid_moments(*surface)
+    long, middle, short = principal_form(moments)[0]
+    diameter = np.cbrt(6.0 * moments.volume / np.pi)
+    sphericity = np.pi * diameter**2 / area_of(surface)
+    return np.array(
+        [diameter, middle / long, short / middle, short / np.sqrt(long * middle), sphericity,
+         convexity_of(surface)]
+    )  # fmt: skip
+
+
+def surface_of_parent(parent: ParentSurface) -> Surface:
+    """Return a parent's surface in its principal frame and unit."""
+    return Surface(parent.body_vertices() * parent.diameter, parent.faces)
 
 
 def reach_all(studio: SurfaceStudio, shape: GrainShape, targets: Mapping[str, float]) -> DesignedGrain:

@@ -227,7 +227,7 @@ class SurfaceStudio:
         base, isotropic = self._isotropic(shape)
         surface, values = self._finished(shape, base, isotropic)
         if hull:
-            values["convexity"] = _convexity(surface)
+            values["convexity"] = convexity_of(surface)
         return ShapedGrain(shape, surface, MappingProxyType(values), base.folded(isotropic) - base.own_folds)
 
     def fit(self, grain: ShapedGrain, n: int | None = None) -> SurfaceAvatar:
@@ -285,7 +285,7 @@ class SurfaceStudio:
             "elongation": elongation,
             "flatness": flatness,
             "csf": float(np.sqrt(elongation) * flatness),
-            "sphericity": float(np.pi * shape.diameter**2 / _area(surface)),
+            "sphericity": float(np.pi * shape.diameter**2 / area_of(surface)),
             "roughness": _rms_height(surface, scale * fine) / shape.diameter,
         }
 
@@ -391,7 +391,8 @@ def _face_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 
     return across
 
 
-def _area(surface: Surface) -> float:
+def area_of(surface: Surface) -> float:
+    """Return the area of a surface."""
     return 0.5 * float(np.linalg.norm(_face_normals(*surface), axis=1).sum())
 
 
@@ -404,7 +405,8 @@ def _rms_height(surface: Surface, heights: Float[np.ndarray, "v 3"]) -> float:
     return float(np.sqrt((doubled * along**2).sum() / doubled.sum()))
 
 
-def _convexity(surface: Surface) -> float:
+def convexity_of(surface: Surface) -> float:
+    """Return the volume of a closed surface over that of its convex hull."""
     from scipy.spatial import ConvexHull
 
     return float(solid_moments(*surface).volume / ConvexHull(surface.vertices).volume)

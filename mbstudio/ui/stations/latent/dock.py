@@ -31,7 +31,7 @@ class LatentDock(QFrame):
         pages: tuple[QWidget, ...] = (self.factors, self.blend, self.map)
         for title, page in zip(PAGES, pages, strict=True):
             self.tabs.addTab(tr(title))
-            self._stack.addWidget(_scrolling(page) if page is not self.map else _explained(page))
+            self._stack.addWidget(scrolling(page) if page is not self.map else _explained(page))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -67,7 +67,8 @@ def _explained(plot: QWidget) -> QWidget:
     return page
 
 
-def _scrolling(page: QWidget) -> QScrollArea:
+def scrolling(page: QWidget) -> QScrollArea:
+    """Return a page that scrolls where it is higher than its room."""
     area = QScrollArea()
     area.setWidget(page)
     area.setWidgetResizable(True)

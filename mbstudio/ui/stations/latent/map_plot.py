@@ -53,6 +53,13 @@ class WalkBox(pg.ViewBox):
 class LatentMapPlot(Plot):
     """Parents, clones, kept grains, A, B, C and the grain under the hand on the map.
 
+    Parameters
+    ----------
+    theme : Theme
+    title : str, optional
+    like_lengths : bool
+        Whether a step is as long on the screen in both directions.
+
     Attributes
     ----------
     walked : signal (float array of shape (2,), bool)
@@ -61,9 +68,9 @@ class LatentMapPlot(Plot):
 
     walked = Signal(object, bool)
 
-    def __init__(self, theme: Theme) -> None:
+    def __init__(self, theme: Theme, title: str = "", *, like_lengths: bool = True) -> None:
         self.box = WalkBox()
-        super().__init__(theme, "", "", tr("Map of the latent space"), self.box)
+        super().__init__(theme, "", "", title or tr("Map of the latent space"), self.box)
         self._parents, self._kept = pg.ScatterPlotItem(), pg.ScatterPlotItem()
         self._here, self._clones = pg.ScatterPlotItem(), pg.ScatterPlotItem()
         self._cloned: np.ndarray = np.empty((0, 2))
@@ -81,7 +88,7 @@ class LatentMapPlot(Plot):
             )
         )
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setAspectLocked(True)
+        self.setAspectLocked(like_lengths)
         for side in ("bottom", "left"):
             self.getAxis(side).enableAutoSIPrefix(False)
         self.box.walked.connect(
@@ -127,11 +134,16 @@ class LatentMapPlot(Plot):
 
     def set_parents(self, places: Float[np.ndarray, "parents 2"], share: tuple[float, float]) -> None:
         """Show the parents, and how much of their variance the map holds."""
-        self._places = places, np.empty((0, 2)), np.empty((0, 2))
-        self.set_names(
+        self.set_places(
+            places,
             tr("First direction ({share:.0%} of the variance)", share=share[0]),
             tr("Second direction ({share:.0%})", share=share[1]),
         )
+
+    def set_places(self, places: Float[np.ndarray, "parents 2"], across: str, up: str) -> None:
+        """Show the parents, and what the axes are called."""
+        self._places = places, np.empty((0, 2)), np.empty((0, 2))
+        self.set_names(across, up)
         self.box.autoRange()
 
     def set_clones(self, places: Float[np.ndarray, "clones 2"]) -> None:

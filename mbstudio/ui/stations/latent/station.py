@@ -10,6 +10,7 @@ from mbstudio.ui.stations.latent.link import LatentLink
 from mbstudio.ui.stations.latent.panel import LatentPanel
 from mbstudio.ui.stations.latent.shelf import Shelf
 from mbstudio.ui.stations.latent.surface_commands import surface_commands
+from mbstudio.ui.stations.latent.surface_dock import SurfaceDock
 from mbstudio.ui.stations.latent.surface_link import SurfaceLink
 from mbstudio.ui.stations.latent.surface_work import SurfaceWork
 from mbstudio.ui.stations.latent.work import LatentWork
@@ -52,6 +53,7 @@ class LatentStation(Station):
         self.panel: LatentPanel = LatentPanel(self.work, self.surface_work, studio.icons)
         self.dock = LatentDock(studio.theme, studio.icons)
         self.shelf = Shelf(studio.icons)
+        self.surface_dock = SurfaceDock(self.surface_work, studio.theme)
         self.display = LatentDisplay(studio.workspace, self.work, self.surface_work)
 
         def has_learner() -> bool:
@@ -67,6 +69,14 @@ class LatentStation(Station):
                 first_width=lambda width: max(400, width // 3),
             ),
             DockFrame("shelf", tr("Shelf"), self.shelf, "bottom", is_wanted=has_learner),
+            DockFrame(
+                "surface_studio",
+                tr("Map and design"),
+                self.surface_dock,
+                "right",
+                is_wanted=lambda: self.surface_work.style is not None,
+                first_width=lambda width: max(360, width // 3),
+            ),
         )
         self.link = LatentLink(self, studio, view, self.work, self.panel, self.dock, self.shelf)
         self.surface_link = SurfaceLink(self, studio, view, self.surface_work, self.panel.surfaces)

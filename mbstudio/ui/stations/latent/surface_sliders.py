@@ -9,37 +9,25 @@ from mbstudio.core.cloning.surface_studio import GrainShape, SurfaceStudio
 from mbstudio.core.units import unit_label
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
+from mbstudio.ui.stations.latent.factor_titles import TITLES, decimals_of
 from mbstudio.ui.stations.latent.surface_work import Change, SurfaceWork
 from mbstudio.ui.widgets.forms import badge, label, primary_button, row, set_badge
 from mbstudio.ui.widgets.value_slider import ValueSlider
 
-_SLIDERS = {
-    "size": (mark("Size Dₙ"), mark("Diameter of the ball of equal volume. Keeps the shape.")),
-    "elongation": (
-        mark("Elongation I / L"),
-        mark("By the ellipsoid of equal inertia, exact. Keeps size and S / I."),
+_TIPS = {
+    "size": mark("Diameter of the ball of equal volume. Keeps the shape."),
+    "elongation": mark("By the ellipsoid of equal inertia, exact. Keeps size and S / I."),
+    "flatness": mark("By the ellipsoid of equal inertia, exact. Keeps size and I / L."),
+    "csf": mark("By the ellipsoid of equal inertia, exact. Elongation and flatness change in proportion."),
+    "sphericity": mark("By the coarse form: towards an ellipsoid, or away from it. Keeps size and axes."),
+    "convexity": mark(
+        "Volume over that of the convex hull. By edges, faces and hollows: duller, or sharper."
     ),
-    "flatness": (
-        mark("Flatness S / I"),
-        mark("By the ellipsoid of equal inertia, exact. Keeps size and I / L."),
-    ),
-    "csf": (
-        mark("Corey factor S / √(L I)"),
-        mark("By the ellipsoid of equal inertia, exact. Elongation and flatness change in proportion."),
-    ),
-    "sphericity": (
-        mark("Sphericity"),
-        mark("By the coarse form: towards an ellipsoid, or away from it. Keeps size and axes."),
-    ),
-    "convexity": (
-        mark("Convexity"),
-        mark("Volume over that of the convex hull. By edges, faces and hollows: duller, or sharper."),
-    ),
-    "roughness": (
-        mark("Roughness"),
-        mark("Height of what is finer than a twelfth of the way round (rms, over Dₙ). Keeps all else."),
+    "roughness": mark(
+        "Height of what is finer than a twelfth of the way round (rms, over Dₙ). Keeps all else."
     ),
 }
+_FORM = ("elongation", "flatness", "csf")
 _FEW_NAMES = 5
 
 
@@ -58,10 +46,7 @@ class SurfaceSliders(QWidget):
         self._seed = 0
         self._about = label("", "hint", wrap=True)
         self.parent_choice, self.other = QComboBox(), QComboBox()
-        self.factors = {
-            name: ValueSlider(tr(title), icons, tr(tip), lock=False)
-            for name, (title, tip) in _SLIDERS.items()
-        }
+        self.factors = {name: ValueSlider(tr(TITLES[name]), icons, tr(tip)) for name, tip in _TIPS.items()}
         self.share = ValueSlider(
             tr("From the one to the other"), icons, tr("0 is the first parent, 1 the second"), lock=False
         )
@@ -142,6 +127,10 @@ class SurfaceSliders(QWidget):
         for name, slider in self.factors.items():
             slider.moved.connect(lambda to, name=name: work.reach(name, to, final=False))
             slider.settled.connect(lambda to, name=name: work.reach(name, to, final=True))
+            slider.lock_changed.connect(lambda locked, name=name: work.lock(name, locked))
+            slider.lock.setToolTip(
+                tr("Lock: “{title}” stays while other factors are asked for", title=slider.title)
+            )
         self.parent_choice.activated.connect(work.begin_with)
         self.other.activated.connect(lambda place: work.blend_with(place - 1 if place else None))
         self.share.moved.connect(lambda share: work.preview(self._blend(share)))
@@ -150,6 +139,7 @@ class SurfaceSliders(QWidget):
         )
         self.noise.moved.connect(lambda strength: work.preview(self._warp(strength)))
         self.noise.settled.connect(self._settle_warp)
+        work.locks_changed.connect(self._show_locks)
         work.style_taken.connect(self.take_style)
         work.stepped.connect(self._show_step)
         work.grain_changed.connect(self._show_grain)
@@ -185,9 +175,7 @@ class SurfaceSliders(QWidget):
         """Show a clone drawn at random."""
         self._seed += 1
         seed = self._seed
-        self._work.commit(
-            lambda studio, shape: (studio.draw(seed), False), tr("drawn (seed {seed})", seed=seed)
-        )
+        self._work.draw(seed, tr("drawn (seed {seed})", seed=seed))
 
     # ---- keeping in step -------------------------------------------------------------------------
 
@@ -201,18 +189,22 @@ class SurfaceSliders(QWidget):
             self._about.setText(tr("Measuring the parents …"))
             return
         names = [parent.name for parent in style.parents]
-        self._about.setText(
-            tr("{count} parents, kept as surfaces. The mesh follows the slider.", count=len(names))
-        )
+        self._about.setText(tr("{count} parents, kept as surfaces.", count=len(names)))
         for field, entries in ((self.parent_choice, names), (self.other, [tr("none"), *names])):
             with QSignalBlocker(field):
                 field.clear()
                 field.addItems(entries)
         for name, (low, middle, high) in self._work.ranges.items():
-            decimals = 2 if name == "size" and middle > 1 else 4 if name == "roughness" else 3
-            self.factors[name].set_range(low, high, middle, decimals=decimals, beyond=0.5)
+            self.factors[name].set_range(low, high, middle, decimals=decimals_of(name, middle), beyond=0.5)
         self.factors["size"].box.setSuffix(f" {unit_label(style.unit)}")
         self._show_step()
+
+    def _show_locks(self) -> None:
+        """Let nobody move the third of three factors of form of which two are held."""
+        held = self._work.locked & set(_FORM)
+        for name in _FORM:
+            self.factors[name].slider.setEnabled(name in held or len(held) < 2)
+            self.factors[name].box.setEnabled(name in held or len(held) < 2)
 
     def _show_step(self) -> None:
         step = self._work.step

@@ -5,12 +5,24 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float64
 from PySide6.QtCore import QObject, QTimer, Signal
 
+from mbstudio.core.cloning.parent_surface import coarser
+from mbstudio.core.cloning.surface_design import (
+    PLAIN_FACTORS,
+    ParentFactors,
+    add_difference,
+    design,
+    plain_factors,
+    reach_all,
+    surface_of_parent,
+)
 from mbstudio.core.cloning.surface_studio import (
+    BANDED_FACTORS,
     MOVING_FACES,
     SHAPE_FACTORS,
     GrainShape,
@@ -37,7 +49,6 @@ _MEASURED = 24
 """Parents that say how far sliders reach."""
 _WIDER = 0.5
 """Of the parents' range, by which sliders go beyond it on either side."""
-_OF_BANDS = ("sphericity", "convexity", "roughness")
 
 Change = Callable[[SurfaceStudio, GrainShape], tuple[GrainShape, bool]]
 """What a move does to a shape, and whether it could not go as far as was asked."""
@@ -60,6 +71,7 @@ class _Ready:
     at_rest: SurfaceStudio
     moving: SurfaceStudio
     ranges: Mapping[str, tuple[float, float, float]]
+    plain: Float64[np.ndarray, "parents 6"]
 
 
 class SurfaceWork(Work):
@@ -77,13 +89,18 @@ class SurfaceWork(Work):
         The metaball of `at_rest`; None until it has been fitted.
     ranges : mapping of str to (float, float, float)
         By factor: lowest, middle and highest value of the sliders.
-    style_taken, stepped, grain_changed, fitted_changed : signal
+    locked : frozenset of str
+        Factors that stay while others move.
+    parents : float array, shape (parents, 6)
+        Their factors, in the order of `PLAIN_FACTORS`.
+    style_taken, stepped, grain_changed, fitted_changed, locks_changed : signal
     """
 
     style_taken = Signal()
     stepped = Signal()
     grain_changed = Signal()
     fitted_changed = Signal()
+    locks_changed = Signal()
 
     def __init__(self, workspace: Workspace, queue: TaskQueue, parent: QObject | None = None) -> None:
         super().__init__(workspace, queue, parent)
@@ -96,6 +113,7 @@ class SurfaceWork(Work):
         self.at_rest: ShapedGrain | None = None
         self.fitted: SurfaceAvatar | None = None
         self.is_held = False
+        self.locked: frozenset[str] = frozenset()
         self.live = LatestRequestWorker("shaped grain", self)
         self.live.done.connect(self._arrived)
         self.live.failed.connect(self._failed)
@@ -119,6 +137,10 @@ class SurfaceWork(Work):
     def is_opening(self) -> bool:
         """Whether a style has been taken over whose parents are still being measured."""
         return self._wanted is not None and self._ready is None
+
+    @property
+    def parents(self) -> Float64[np.ndarray, "parents 6"]:
+        return np.empty((0, len(PLAIN_FACTORS))) if self._ready is None else self._ready.plain
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float, float]]:
@@ -215,8 +237,11 @@ class SurfaceWork(Work):
 
     def reach(self, factor: str, wanted: float, *, final: bool) -> None:
         """Give one factor another value."""
-        scale = 1.0 if final or factor not in _OF_BANDS else self._scale_of(factor)
         title = tr("{factor} {value:.3g}", factor=factor, value=wanted)
+        if self.locked - {factor}:
+            self.reach_many({factor: wanted}, title, final=final)
+            return
+        scale = 1.0 if final or factor not in BANDED_FACTORS else self._scale_of(factor)
 
         def change(studio: SurfaceStudio, shape: GrainShape) -> tuple[GrainShape, bool]:
             return studio.reach(shape, factor, wanted * scale)
@@ -225,6 +250,81 @@ class SurfaceWork(Work):
             self.commit(change, title)
         else:
             self.preview(change, factor)
+
+    def reach_many(self, targets: Mapping[str, float], words: str, *, final: bool) -> Task | None:
+        """Give several factors other values; those that are locked stay.
+
+        While the hand moves a stand-in follows; at the end a task finds the surface itself, where that may
+        take longer than the window may pause.
+        """
+        wanted = {**self.locked_values, **targets}
+        banded = [name for name in wanted if name in BANDED_FACTORS]
+        scales = {} if final else {name: self._scale_of(name) for name in banded}
+
+        def change(studio: SurfaceStudio, shape: GrainShape) -> tuple[GrainShape, bool]:
+            found = reach_all(
+                studio, shape, {name: value * scales.get(name, 1.0) for name, value in wanted.items()}
+            )
+            return found.grain.shape, bool(found.missed)
+
+        if not final:
+            self.preview(change, "convexity" if "convexity" in wanted else "")
+            return None
+        if banded:
+            return self.commit_later(change, words)
+        self.commit(change, words)
+        return None
+
+    def draw(self, seed: int, words: str) -> Task | None:
+        """Take a clone drawn at random under the hand, with the factors that are locked."""
+        held = self.locked_values
+
+        def change(studio: SurfaceStudio, _shape: GrainShape) -> tuple[GrainShape, bool]:
+            drawn = studio.draw(seed)
+            if not held:
+                return drawn, False
+            found = reach_all(studio, drawn, held)
+            return found.grain.shape, bool(found.missed)
+
+        if not held.keys() & set(BANDED_FACTORS):
+            self.commit(change, words)
+            return None
+        return self.commit_later(change, words)
+
+    def find(self, targets: Mapping[str, float], words: str) -> Task | None:
+        """Find a grain of given factors among what all parents can be made into (inverse design)."""
+        known = ParentFactors.plain(self.parents)
+
+        def change(studio: SurfaceStudio, _shape: GrainShape) -> tuple[GrainShape, bool]:
+            found = design(studio, known, targets)
+            return found.grain.shape, bool(found.missed)
+
+        return self.commit_later(change, words)
+
+    def add(self, plus: int, minus: int, strength: float) -> Task | None:
+        """Change the grain's factors as one parent's differ from another's."""
+        ready = self._ready
+        if ready is None:
+            return None
+        names = [ready.style.parents[row].name for row in (plus, minus)]
+
+        def change(studio: SurfaceStudio, shape: GrainShape) -> tuple[GrainShape, bool]:
+            found = add_difference(studio, shape, studio.begin(plus), studio.begin(minus), strength)
+            return found.grain.shape, bool(found.missed)
+
+        words = tr("{strength:+.2f} ({a} − {b})", strength=strength, a=names[0], b=names[1])
+        return self.commit_later(change, words)
+
+    def lock(self, factor: str, locked: bool) -> None:
+        """Hold a factor while others move, or let it go."""
+        self.locked = self.locked | {factor} if locked else self.locked - {factor}
+        self.locks_changed.emit()
+
+    @property
+    def locked_values(self) -> dict[str, float]:
+        """The factors that are held, as they are where one stands."""
+        values = {} if self.at_rest is None else self.at_rest.values
+        return {name: values[name] for name in SHAPE_FACTORS if name in self.locked and name in values}
 
     def _scale_of(self, factor: str) -> float:
         """Return a factor of the coarse stand-in, which is smoother, over that of the surface itself."""
@@ -249,10 +349,28 @@ class SurfaceWork(Work):
             self.said.emit("error", str(error))
             self._show_step()
             return False
-        self._steps = [*self._steps[: self._place + 1], Step(shape, words, held)]
+        self._add_step(Step(shape, words, held))
+        return True
+
+    def commit_later(self, change: Change, words: str) -> Task | None:
+        """Carry a change out in a task, as one step of undo once it is done."""
+        ready, step = self._ready, self.step
+        if ready is None or step is None:
+            return None
+
+        def done(found: tuple[GrainShape, bool]) -> None:
+            if ready is self._ready and step is self.step:
+                self._add_step(Step(found[0], words, found[1]))
+
+        task = Task(words, lambda control: change(ready.at_rest, step.shape))
+        task.succeeded.connect(done)
+        task.failed.connect(lambda _: self._show_step())
+        return self.queue.submit(task, lane="latent", key="shape")
+
+    def _add_step(self, step: Step) -> None:
+        self._steps = [*self._steps[: self._place + 1], step]
         self._place = len(self._steps) - 1
         self._show_step()
-        return True
 
     def blend_with(self, other: int | None) -> Task | None:
         """Get ready to blend with another parent: its surface is laid onto the one at hand."""
@@ -357,19 +475,25 @@ class SurfaceWork(Work):
 
 def _made_ready(style: SurfaceStyle, control: Control) -> _Ready:
     at_rest, moving = SurfaceStudio(style), SurfaceStudio(style, MOVING_FACES)
-    rows = np.unique(np.linspace(0, len(style.parents) - 1, _MEASURED).round().astype(int)).tolist()
-    found: list[Any] = []
-    for place, row in enumerate(rows):
-        control.progress(place / len(rows), style.parents[row].name)
+    count = len(style.parents)
+    rows = set(np.linspace(0, count - 1, _MEASURED).round().astype(int).tolist())
+    plain, rough = [], []
+    for row, parent in enumerate(style.parents):
+        control.progress(row / count, parent.name)
         # Of the stand-ins, but for the first, which is under the hand at once.
-        found.append(moving.make(moving.begin(row)).values)
+        plain.append(plain_factors(surface_of_parent(coarser(parent, MOVING_FACES))))
+        if row in rows:
+            rough.append(moving.make(moving.begin(row), hull=False).values["roughness"])
     at_rest.make(at_rest.begin(0))
-    ranges = {}
-    for name in SHAPE_FACTORS:
-        values = np.array([one[name] for one in found])
-        low, high = float(values.min()), float(values.max())
-        more = _WIDER * max(high - low, 0.1 * abs(high))
-        least = 0.15 if name in ("elongation", "flatness", "csf") else 0.02 * low
-        most = np.inf if name in ("size", "roughness") else 1.0
-        ranges[name] = (max(low - more, least), float(np.median(values)), min(high + more, most))
-    return _Ready(style, at_rest, moving, ranges)
+    known = np.stack(plain)
+    columns = [*known.T, np.array(rough)]
+    ranges = {name: _range_of(name, column) for name, column in zip(SHAPE_FACTORS, columns, strict=True)}
+    return _Ready(style, at_rest, moving, ranges, known)
+
+
+def _range_of(name: str, values: Float64[np.ndarray, " parents"]) -> tuple[float, float, float]:
+    low, high = float(values.min()), float(values.max())
+    more = _WIDER * max(high - low, 0.1 * abs(high))
+    least = 0.15 if name in ("elongation", "flatness", "csf") else 0.02 * low
+    most = np.inf if name in ("size", "roughness") else 1.0
+    return max(low - more, least), float(np.median(values)), min(high + more, most)

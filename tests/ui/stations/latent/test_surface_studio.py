@@ -126,3 +126,87 @@ def test_what_cannot_be_is_said(window, station):
         lambda studio, shape: studio.reach(shape, "elongation", 3.0), "too long"
     )
     assert "elongation 3" in window.messages.text
+
+
+def test_a_place_on_the_map_is_asked_of_the_grain(station, rested):
+    work, page = station.surface_work, station.surface_dock.map
+    assert page.factors == ("flatness", "elongation"), "Zingg's diagram first"
+    np.testing.assert_allclose(page.plot._places[0][:, 1], np.exp(np.diff(work.style.forms)[:, 0]), rtol=1e-6)
+    page.plot.walked.emit(np.array([0.55, 0.7]), False)
+    page.plot.walked.emit(np.array([0.55, 0.7]), True)
+    rested()
+    assert work.grain.values["flatness"] == pytest.approx(0.55)
+    assert work.grain.values["elongation"] == pytest.approx(0.7)
+    np.testing.assert_allclose(page.plot.here, (0.55, 0.7), atol=1e-6)
+    assert len(work.words) == 2, "one step of undo"
+
+
+def test_axes_of_the_map_are_chosen_and_never_the_same(station, window, rested, idle):
+    work, page = station.surface_work, station.surface_dock.map
+    page.show_factors("csf", "sphericity")
+    page.plot.walked.emit(np.array([0.6, 0.85]), True)
+    idle()
+    rested()
+    assert work.grain.values["csf"] == pytest.approx(0.6)
+    assert work.grain.values["sphericity"] == pytest.approx(0.85, rel=0.005)
+    page.across.setCurrentIndex(page.up.currentIndex())
+    page.across.activated.emit(page.across.currentIndex())
+    assert len(set(page.factors)) == 2
+
+
+def test_locked_factors_stay_while_others_move(station, rested, idle):
+    work, sliders = station.surface_work, station.panel.surfaces
+    before = work.at_rest.values["sphericity"]
+    sliders.factors["sphericity"].lock.setChecked(True)
+    sliders.factors["flatness"].settled.emit(0.5)
+    idle()
+    rested()
+    assert work.grain.values["flatness"] == pytest.approx(0.5)
+    assert work.grain.values["sphericity"] == pytest.approx(before, rel=0.005)
+    sliders.factors["sphericity"].lock.setChecked(False)
+    sliders.factors["elongation"].lock.setChecked(True)
+    sliders.factors["flatness"].lock.setChecked(True)
+    assert not sliders.factors["csf"].slider.isEnabled(), "it follows from the two others"
+    held = work.locked_values
+    sliders.draw_at_random()
+    rested()
+    assert work.grain.values["elongation"] == pytest.approx(held["elongation"], rel=1e-6)
+    assert len(work.words) == 3
+
+
+def test_a_grain_is_found_by_its_factors(station, rested, idle):
+    work, page = station.surface_work, station.surface_dock.design
+    assert not page.find_button.isEnabled()
+    for name, value in (("csf", 0.6), ("sphericity", 0.84)):
+        page.asked[name].setChecked(True)
+        page.values[name].setValue(value)
+    page.find_button.click()
+    idle()
+    rested()
+    assert work.grain.values["csf"] == pytest.approx(0.6, rel=1e-6)
+    assert work.grain.values["sphericity"] == pytest.approx(0.84, rel=0.005)
+    assert not page._hint.text()
+    page.values["sphericity"].setValue(0.99)
+    page.values["csf"].setValue(0.4)
+    page.find_button.click()
+    idle()
+    rested()
+    assert work.is_held
+    assert "as near" in page._hint.text()
+
+
+def test_a_difference_of_two_parents_is_added(station, rested, idle):
+    work, page = station.surface_work, station.surface_dock.design
+    before = work.at_rest.values
+    first, second = (work.parents[row] for row in (1, 2))
+    page.plus.setCurrentIndex(1)
+    page.minus.setCurrentIndex(2)
+    page.strength.setValue(0.5)
+    page.add_button.click()
+    idle()
+    rested()
+    assert work.grain.values["elongation"] == pytest.approx(
+        before["elongation"] + 0.5 * (first[1] - second[1])
+    )
+    assert work.grain.values["size"] == pytest.approx(before["size"] * np.sqrt(first[0] / second[0]))
+    assert len(work.words) == 2
