@@ -31,7 +31,15 @@ WhereOption = Annotated[
 ]
 StretchOption = Annotated[
     float | None,
-    typer.Option("--stretch", help="Of a style of surfaces: largest stretch of a parent, usually 1.25."),
+    typer.Option("--stretch", help="Of a style of surfaces: largest stretch of a parent, usually 1.5."),
+]
+DetailOption = Annotated[
+    float | None,
+    typer.Option(
+        "--detail-stretch",
+        help="Of a style of surfaces: share of the stretch that edges and roughness take on, usually 0; "
+        "1 keeps planes plane.",
+    ),
 ]
 WarpingOption = Annotated[
     float | None,
@@ -65,6 +73,7 @@ def generate(
     where: WhereOption = None,
     stretch: StretchOption = None,
     warping: WarpingOption = None,
+    detail_stretch: DetailOption = None,
     unit: Annotated[str | None, typer.Option("--unit", help="Length unit of the files.")] = None,
     report: ReportOption = None,
     workers: inputs.WorkersOption = None,
@@ -89,14 +98,16 @@ def generate(
                 "--report compares serialized parents with clones, and this is a style of surfaces: "
                 "use 'mbstudio judge' on the clones."
             )
-        given = {"stretch": stretch, "warping": warping}
+        given = {"stretch": stretch, "warping": warping, "detail_stretch": detail_stretch}
         generate_surface_clones(
             style, folder, count, seed, where or [], {name: x for name, x in given.items() if x is not None},
             unit, workers or usable_cores(), overwrite=overwrite, as_json=as_json,
         )  # fmt: skip
         return
-    if stretch is not None or warping is not None:
-        raise GenerationError(f"--stretch and --warping are for styles of surfaces, which {style} is not.")
+    if not (stretch is warping is detail_stretch is None):
+        raise GenerationError(
+            f"--stretch, --warping and --detail-stretch are for styles of surfaces, which {style} is not."
+        )
     if report is not None:
         require_table_output(report, style)
     if folder.resolve() == style.resolve():

@@ -3,7 +3,9 @@
 What makes a grain look like its kind are faces, edges and roughness, and the way they hang together. A
 linear map keeps planes plane and edges straight; so a parent is first freed of its form, turned, and given
 the form of another, drawn as forms are spread among the parents. Only turns that stretch nothing by more than
-a bound are taken. A smooth warp, as registrations between parents have shown them to be, does the rest.
+a bound are taken. Edges and roughness are turned with the body but not stretched: squeezed edges would be
+sharper than any of the parents'. A smooth warp, as registrations between parents have shown them to be, does
+the rest.
 """
 
 from __future__ import annotations
@@ -28,10 +30,16 @@ class CloneOptions(OptionRecord, owner="clones", error=CloningError):
     """How far clones go from their parents."""
 
     stretch: float = option(
-        1.25,
+        1.5,
         "By how much a parent may be stretched or squeezed along an axis to take on another form.",
         minimum=1.0,
         maximum=3.0,
+    )
+    detail_stretch: float = option(
+        0.0,
+        "How much of the stretch edges and roughness take on; 0 only turns them, 1 keeps planes plane.",
+        minimum=0.0,
+        maximum=1.0,
     )
     warping: float = option(
         0.2, "Strength of the smooth warp; 1 is as grains of this kind differ.", minimum=0.0, maximum=1.5
@@ -60,6 +68,8 @@ class CloneRecipe:
         Shares of the modes of the style.
     diameter : float
         D_n in the unit of the style.
+    detail_stretch : float
+        Share of the stretch that edges and roughness take on.
     """
 
     parent: int
@@ -67,6 +77,7 @@ class CloneRecipe:
     turn: Float[np.ndarray, "3 3"]
     warp: Float[np.ndarray, " modes"]
     diameter: float
+    detail_stretch: float = 0.0
 
 
 class Surface(NamedTuple):
@@ -74,6 +85,49 @@ class Surface(NamedTuple):
 
     vertices: Float64[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
+
+
+class Finish(NamedTuple):
+    """The last small linear map of a clone: rows of places less `centre`, times `matrix`."""
+
+    centre: Float64[np.ndarray, " 3"]
+    matrix: Float64[np.ndarray, "3 3"]
+
+
+def unstretched(
+    semi_axes: Float[np.ndarray, " 3"], matrix: Float[np.ndarray, "3 3"], shaping: Float[np.ndarray, "3 3"]
+) -> Float64[np.ndarray, "3 3"]:
+    """Return what is added to a clone for each detail of its parent, so that details are not stretched.
+
+    Details are rows in the parent's isotropic frame. The map from the parent's body to the clone is a turn
+    after a stretch (polar decomposition); details take the turn, and the mean stretch.
+
+    Parameters
+    ----------
+    semi_axes : float array, shape (3,)
+        Of the parent's body.
+    matrix : float array, shape (3, 3)
+        What makes the changed parent isotropic again.
+    shaping : float array, shape (3, 3)
+        From the isotropic frame to the clone.
+    """
+    axes = np.exp(np.log(semi_axes) - np.log(semi_axes).mean())
+    left, stretch, right = np.linalg.svd(shaping / axes[:, None])
+    mean = np.exp(np.log(stretch).mean()) * np.cbrt(abs(np.linalg.det(matrix)))
+    found: np.ndarray = mean * axes[:, None] * (left @ right) - matrix @ shaping
+    return found
+
+
+def impose_form(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], form: Float[np.ndarray, " 3"],
+    diameter: float,
+) -> Finish:  # fmt: skip
+    """Return the linear map that gives a body form and size to the last digits, its axes where they are."""
+    moments = solid_moments(vertices, faces)
+    isotropic, matrix = make_isotropic(vertices, faces)
+    shaping = matrix * np.exp(form)
+    volume = solid_moments(isotropic * np.exp(form), faces).volume
+    return Finish(moments.centre, diameter * np.cbrt(_BALL_VOLUME / volume) * shaping)
 
 
 class CloneMap:
@@ -100,14 +154,20 @@ class CloneMap:
         shaping = recipe.turn.T * np.exp(recipe.form)
         faces = parent.faces if np.linalg.det(recipe.turn) > 0 else parent.faces[:, ::-1]
         shaped = isotropic @ shaping
-        scale = recipe.diameter * np.cbrt(_BALL_VOLUME / solid_moments(shaped, faces).volume)
-        self._centre, self._matrix = moments.centre, scale * (matrix @ shaping)
-        self.surface = Surface(scale * shaped, np.ascontiguousarray(faces))
+        if recipe.detail_stretch < 1.0:
+            more = (1.0 - recipe.detail_stretch) * unstretched(parent.semi_axes, matrix, shaping)
+            shaped = shaped + parent.details @ more
+        finish = impose_form(shaped, faces, recipe.form, recipe.diameter)
+        self._centre, self._offset = moments.centre, finish.centre
+        self._first, self._second = matrix @ shaping, finish.matrix
+        self._matrix = self._first @ self._second
+        self.surface = Surface((shaped - finish.centre) @ finish.matrix, np.ascontiguousarray(faces))
 
     def __call__(self, points: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, "p 3"]:
         """Return where points of the parent come to lie."""
-        moved: np.ndarray = (points + displacement(points, self._warp) - self._centre) @ self._matrix
-        return moved
+        moved = (points + displacement(points, self._warp) - self._centre) @ self._first
+        placed: np.ndarray = (moved - self._offset) @ self._second
+        return placed
 
     def scale_at(self, points: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, " p"]:
         """Return by how much lengths about points grow, on the average over directions."""

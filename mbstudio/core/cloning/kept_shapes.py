@@ -80,7 +80,9 @@ def keep_shapes(
 
 def _clone_of(studio: SurfaceStudio, grain: ShapedGrain, name: str) -> SurfaceClone:
     style, shape = studio.style, grain.shape
-    recipe = CloneRecipe(shape.parent, shape.form, shape.turn, shape.warp, shape.diameter)
+    recipe = CloneRecipe(
+        shape.parent, shape.form, shape.turn, shape.warp, shape.diameter, shape.detail_stretch
+    )
     told = describe_shape(shape, style) or _KEPT
     parent = style.parents[shape.parent].name
     return SurfaceClone(name, grain.surface, recipe, parent, style.unit, studio.fit(grain), told)

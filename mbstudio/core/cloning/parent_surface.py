@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from mbstudio.core.cloning.solid_moments import Faces, Points, make_isotropic, principal_form, solid_moments
+from mbstudio.core.cloning.surface_bands import Smoothing
 from mbstudio.core.errors import CloningError, GrainError, MeasureError, MeshError
 from mbstudio.core.formulas import nominal_diameters
 from mbstudio.core.grains.grain import Grain
@@ -139,6 +141,14 @@ class ParentSurface:
         logs = np.log(self.semi_axes)
         form: np.ndarray = logs - logs.mean()
         return form
+
+    @cached_property
+    def details(self) -> Float[np.ndarray, "v 3"]:
+        """What edges and roughness add to the body without them, in the isotropic frame; read-only."""
+        layers = Smoothing(self.vertices, self.faces).layers(self.vertices)
+        found: np.ndarray = layers[0] - layers[2]
+        found.flags.writeable = False
+        return found
 
     def body_vertices(self) -> Float[np.ndarray, "v 3"]:
         """Return the corners in the principal frame, in D_n."""

@@ -73,7 +73,7 @@ def _draw_round(
             if len(recipes) < wanted:
                 shares = _draw_warp(style, int(row), options, np.random.default_rng(int(own)))
                 form, diameter = drawn[block[place]]
-                recipes.append(CloneRecipe(int(row), form, turn, shares, diameter))
+                recipes.append(CloneRecipe(int(row), form, turn, shares, diameter, options.detail_stretch))
     return recipes
 
 

@@ -46,6 +46,7 @@ def write_shapes(shapes: Mapping[str, GrainShape], style: SurfaceStyle) -> str:
             "gains": {band: getattr(shape.gains, band) for band in ("coarse", "edges", "fine")},
             "warp": shape.warp.tolist(),
             "turn": shape.turn.tolist(),
+            "detail_stretch": shape.detail_stretch,
         }
         for name, shape in shapes.items()
     ]
@@ -93,7 +94,10 @@ def _shape_of(record: Mapping[str, Any], style: SurfaceStyle) -> GrainShape:
         raise ValueError("form or warp are no finite numbers")
     if not np.abs(turn @ turn.T - np.eye(3)).max() < _SQUARE:
         raise ValueError("the turn is none")
-    if not (diameter > 0 and 0 <= share <= 1 and all(gain >= 0 for gain in gains.values())):
+    taken = float(record["detail_stretch"])
+    if not (
+        diameter > 0 and 0 <= share <= 1 and 0 <= taken <= 1 and all(gain >= 0 for gain in gains.values())
+    ):
         raise ValueError("a size, share or gain that no grain has")
     partner = None if other is None else int(other)
-    return GrainShape(parent, form, diameter, partner, share, Gains(**gains), warp, turn)
+    return GrainShape(parent, form, diameter, partner, share, Gains(**gains), warp, turn, taken)

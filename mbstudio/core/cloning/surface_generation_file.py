@@ -44,6 +44,7 @@ def generation_tensors(clones: SurfaceGeneration) -> Tensors:
         "turns": np.stack([recipe.turn for recipe in recipes]),
         "warps": np.stack([recipe.warp for recipe in recipes]),
         "diameters": np.array([recipe.diameter for recipe in recipes]),
+        "detail_stretches": np.array([recipe.detail_stretch for recipe in recipes]),
     }
     fitted = [clone.fitted for clone in every if clone.fitted is not None]
     if len(fitted) == len(every):
@@ -69,6 +70,10 @@ def build_generation(entries: Mapping[str, Any], tensors: Tensors, factors: Popu
         if tensors[name].shape != wanted:
             raise ValueError(f"'{name}' of shape {tensors[name].shape}")
     warps = tensors["warps"]
+    # Earlier clones were stretched whole.
+    taken = tensors.get("detail_stretches", np.ones(count))
+    if taken.shape != (count,) or not ((taken >= 0) & (taken <= 1)).all():
+        raise ValueError("shares of stretch that no clone has")
     if count < 1 or counts.min() < 4 or warps.ndim != 2 or len(warps) != count or len(factors) != count:
         raise ValueError("clones that do not belong together")
     if not (len(parents) == len(shaped) == count and (tensors["diameters"] > 0).all()):
@@ -84,11 +89,11 @@ def build_generation(entries: Mapping[str, Any], tensors: Tensors, factors: Popu
         require_closed(*surface, name)
         recipe = CloneRecipe(
             int(tensors["rows"][row]), tensors["forms"][row], tensors["turns"][row], warps[row],
-            float(tensors["diameters"][row]),
+            float(tensors["diameters"][row]), float(taken[row]),
         )  # fmt: skip
         clones.append(SurfaceClone(name, surface, recipe, parents[row], unit, fitted[row], shaped[row]))
     return SurfaceGeneration(
         tuple(clones), factors, int(entries["candidates"]), str(entries["how"]),
         tuple(Reached.from_record(figure) for figure in entries["reached"]), int(entries["seed"]),
-        CloneOptions.make(entries["options"]),
+        CloneOptions.make({"detail_stretch": 1.0, **entries["options"]}),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from mbstudio.core.cloning.clone_maker import CloneRecipe, Surface
+from mbstudio.core.cloning.clone_maker import CloneRecipe, Surface, impose_form, unstretched
 from mbstudio.core.cloning.kernel_warp import weights_at
 from mbstudio.core.cloning.parent_surface import ParentSurface, coarser
 from mbstudio.core.cloning.recipe_drawing import draw_recipes, gentle_share
@@ -68,6 +68,8 @@ class GrainShape:
         Shares of the modes of the style.
     turn : float array, shape (3, 3)
         How the parent lies in the form; of negative determinant for a mirrored one.
+    detail_stretch : float
+        Share of the stretch that edges and roughness take on.
     """
 
     parent: int
@@ -78,6 +80,7 @@ class GrainShape:
     gains: Gains = field(default_factory=Gains)
     warp: Float[np.ndarray, " modes"] = field(default_factory=lambda: np.zeros(0))
     turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    detail_stretch: float = 0.0
 
     @property
     def axis_ratios(self) -> tuple[float, float]:
@@ -165,7 +168,10 @@ class SurfaceStudio:
 
     def of_recipe(self, recipe: CloneRecipe) -> GrainShape:
         """Return the shape that is a clone."""
-        return GrainShape(recipe.parent, recipe.form, recipe.diameter, warp=recipe.warp, turn=recipe.turn)
+        return GrainShape(
+            recipe.parent, recipe.form, recipe.diameter, warp=recipe.warp, turn=recipe.turn,
+            detail_stretch=recipe.detail_stretch,
+        )  # fmt: skip
 
     def draw(self, seed: int) -> GrainShape:
         """Return the shape of a clone drawn at random."""
@@ -224,8 +230,8 @@ class SurfaceStudio:
 
     def make(self, shape: GrainShape, *, hull: bool = True) -> ShapedGrain:
         """Return the surface of a shape, measured; without `hull` convexity is left out."""
-        base, isotropic = self._isotropic(shape)
-        surface, values = self._finished(shape, base, isotropic)
+        base, isotropic, matrix = self._isotropic(shape)
+        surface, values = self._finished(shape, base, isotropic, matrix)
         if hull:
             values["convexity"] = convexity_of(surface)
         return ShapedGrain(shape, surface, MappingProxyType(values), base.folded(isotropic) - base.own_folds)
@@ -244,7 +250,7 @@ class SurfaceStudio:
 
     def misfit(self, shape: GrainShape) -> float:
         """Return the share of the area whose triangles have turned over, beyond that of the parent."""
-        base, isotropic = self._isotropic(shape)
+        base, isotropic, _ = self._isotropic(shape)
         return base.folded(isotropic) - base.own_folds
 
     def _base(self, row: int) -> _Base:
@@ -261,32 +267,44 @@ class SurfaceStudio:
             self._others[key] = base.smoothing.layers(lay_onto(base.parent, target).vertices)
         return (1 - shape.share) * base.layers + shape.share * self._others[key]
 
-    def _isotropic(self, shape: GrainShape) -> tuple[_Base, Float64[np.ndarray, "v 3"]]:
-        """Return the surface before it gets its form."""
+    def _isotropic(
+        self, shape: GrainShape
+    ) -> tuple[_Base, Float64[np.ndarray, "v 3"], Float64[np.ndarray, "3 3"]]:
+        """Return the surface before it gets its form, and what made it isotropic."""
         base = self._base(shape.parent)
         moved = combine(self._layers(shape, base), shape.gains)
         if len(shape.warp) and np.any(shape.warp):
             moved = moved + base.weights @ self.style.warp(shape.warp)
-        return base, make_isotropic(moved, base.parent.faces)[0]
+        return base, *make_isotropic(moved, base.parent.faces)
+
+    def _own_form(self, shape: GrainShape) -> Float64[np.ndarray, " 3"]:
+        """Return the logarithms of semi-axes at which details are as they came."""
+        own = self.style.parents[shape.parent].log_form
+        if shape.other is None:
+            return own
+        return (1 - shape.share) * own + shape.share * self.style.parents[shape.other].log_form
 
     def _finished(
-        self, shape: GrainShape, base: _Base, isotropic: Float64[np.ndarray, "v 3"]
-    ) -> tuple[Surface, dict[str, float]]:
+        self, shape: GrainShape, base: _Base, isotropic: Float64[np.ndarray, "v 3"],
+        matrix: Float64[np.ndarray, "3 3"],
+    ) -> tuple[Surface, dict[str, float]]:  # fmt: skip
         faces = base.parent.faces if np.linalg.det(shape.turn) > 0 else base.parent.faces[:, ::-1]
         mapping = shape.turn.T * np.exp(shape.form)
-        shaped = isotropic @ mapping
-        volume = solid_moments(shaped, faces).volume
-        scale = shape.diameter / np.cbrt(6.0 * volume / np.pi)
-        surface = Surface(scale * shaped, np.ascontiguousarray(faces))
+        more = (1 - shape.detail_stretch) * unstretched(np.exp(self._own_form(shape)), matrix, mapping)
+        raw, light, heavy = self._layers(shape, base)
+        edges, fine = shape.gains.edges * (light - heavy), shape.gains.fine * (raw - light)
+        shaped = isotropic @ mapping + (edges + fine) @ more
+        finish = impose_form(shaped, faces, shape.form, shape.diameter)
+        surface = Surface((shaped - finish.centre) @ finish.matrix, np.ascontiguousarray(faces))
         elongation, flatness = shape.axis_ratios
-        fine = shape.gains.fine * (base.fine_layer(self._layers(shape, base)) @ mapping)
+        heights = fine @ (matrix @ mapping + more) @ finish.matrix
         return surface, {
             "size": shape.diameter,
             "elongation": elongation,
             "flatness": flatness,
             "csf": float(np.sqrt(elongation) * flatness),
             "sphericity": float(np.pi * shape.diameter**2 / area_of(surface)),
-            "roughness": _rms_height(surface, scale * fine) / shape.diameter,
+            "roughness": _rms_height(surface, heights) / shape.diameter,
         }
 
     # ---- what reaches a value ------------------------------------------------------------------
@@ -320,18 +338,16 @@ class SurfaceStudio:
         from scipy.spatial import cKDTree
 
         shape, parent = grain.shape, self.style.parents[grain.shape.parent]
-        base, isotropic = self._isotropic(shape)
+        base = self._base(shape.parent)
         own = self.style.avatars[shape.parent].avatar
         places = own.centers / parent.semi_axes
         distance, near = cKDTree(base.parent.vertices).query(places, k=12)
         weight = 1.0 / (distance**2 + 1e-3)
-        moved = isotropic[near] - base.parent.vertices[near]
-        places = places + (weight[:, :, None] * moved).sum(axis=1) / weight.sum(axis=1)[:, None]
-        mapping = shape.turn.T * np.exp(shape.form)
-        volume = solid_moments(isotropic, base.parent.faces).volume
-        scale = shape.diameter / np.cbrt(6.0 * volume / np.pi)
-        grown = scale / np.cbrt(np.prod(parent.semi_axes))
-        return Avatar(scale * (places @ mapping), own.weights * grown**2, self.style.unit, name=own.name)
+        mapping = shape.diameter / np.cbrt(np.prod(np.exp(shape.form))) * (shape.turn.T * np.exp(shape.form))
+        mapping = mapping * np.cbrt(np.prod(parent.semi_axes))
+        moved = grain.surface.vertices[near] - base.parent.vertices[near] @ mapping
+        placed = places @ mapping + (weight[:, :, None] * moved).sum(axis=1) / weight.sum(axis=1)[:, None]
+        return Avatar(placed, own.weights * shape.diameter**2, self.style.unit, name=own.name)
 
 
 class _Base:
@@ -351,12 +367,6 @@ class _Base:
         turned = np.einsum("fi,fi->f", across, self._normals) < 0
         areas = np.linalg.norm(across, axis=1)
         return float(areas[turned].sum() / areas.sum())
-
-    @staticmethod
-    def fine_layer(layers: Float64[np.ndarray, "3 v 3"]) -> Float64[np.ndarray, "v 3"]:
-        """Return what is finer than the surface without roughness."""
-        found: np.ndarray = layers[0] - layers[1]
-        return found
 
 
 def _bisect(

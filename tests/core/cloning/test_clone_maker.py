@@ -50,7 +50,8 @@ def test_forms_and_sizes_are_spread_as_the_parents_are(style: SurfaceStyle) -> N
 
 
 def test_no_parent_is_stretched_more_than_allowed(style: SurfaceStyle) -> None:
-    found = np.stack([stretches(style, recipe) for recipe in draw_recipes(style, 60, 2)])
+    options = CloneOptions(stretch=1.25)
+    found = np.stack([stretches(style, recipe) for recipe in draw_recipes(style, 60, 2, options)])
     assert np.prod(found, axis=1) == pytest.approx(np.ones(60))
     # Forms beyond what any parent reaches within the bound take the least stretch there is.
     assert np.mean(found[:, 0] <= 1.25 + 1e-12) > 0.9
@@ -66,12 +67,44 @@ def test_without_warp_planes_stay_plane() -> None:
         box.units = "mm"
         boxes.append(box)
     style = learn_surfaces(boxes)
-    (recipe,) = draw_recipes(style, 1, 0, CloneOptions(warping=0.0))
+    (recipe,) = draw_recipes(style, 1, 0, CloneOptions(warping=0.0, detail_stretch=1.0))
     surface = make_surface(style, recipe)
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     angles = mesh.face_adjacency_angles
     assert ((angles < 1e-6) | (angles > 0.5)).all()
     assert len({tuple(normal) for normal in mesh.face_normals.round(6)}) == 6
+
+
+def test_details_are_turned_and_not_stretched(style: SurfaceStyle) -> None:
+    """A parent with a bump, stretched to twice its length: across the bump it stays as wide as it was."""
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    direction = np.array([0.0, 0.0, 1.0])
+    away = np.arccos(np.clip(ball.vertices @ direction, -1, 1))
+    bumped = trimesh.Trimesh(ball.vertices * (1 + 0.1 * np.exp(-((away / 0.15) ** 2)))[:, None], ball.faces)
+    bumped.units = "mm"
+    learned = learn_surfaces([bumped, style.parents[1].mesh()])
+    parent = learned.parents[0]
+    peak = np.linalg.norm(parent.details, axis=1).argmax()
+    form = np.log([2.0, 1.0, 0.5])
+    recipes = {
+        share: CloneRecipe(0, form, np.eye(3), np.zeros(len(learned.modes)), 1.0, share)
+        for share in (0.0, 1.0)
+    }
+    heights = {}
+    for share, recipe in recipes.items():
+        vertices = make_surface(learned, recipe).vertices
+        smooth = parent.vertices - parent.details
+        scale = np.cbrt(np.prod(parent.semi_axes)) * np.exp(form)
+        heights[share] = np.linalg.norm(vertices[peak] - smooth[peak] * scale)
+    own = np.linalg.norm(parent.details[peak] * parent.semi_axes)
+    assert heights[0.0] == pytest.approx(own, rel=0.15)
+    assert abs(heights[1.0] / own - 1) > 0.3
+    # Form and volume are exact either way.
+    for recipe in recipes.values():
+        moments = solid_moments(*make_surface(learned, recipe))
+        axes, _ = principal_form(moments)
+        assert np.log(axes / np.cbrt(np.prod(axes))) == pytest.approx(form, abs=1e-9)
+        assert moments.volume == pytest.approx(np.pi / 6)
 
 
 def test_a_mirrored_parent_is_wound_outwards(style: SurfaceStyle) -> None:
@@ -84,7 +117,7 @@ def test_a_mirrored_parent_is_wound_outwards(style: SurfaceStyle) -> None:
 
 
 def test_control_points_and_surface_go_the_same_way(style: SurfaceStyle) -> None:
-    (recipe,) = draw_recipes(style, 1, 3)
+    (recipe,) = draw_recipes(style, 1, 3, CloneOptions(detail_stretch=1.0))
     clone_map = CloneMap(style, recipe)
     vertices = style.parents[recipe.parent].vertices
     assert clone_map(vertices) == pytest.approx(clone_map.surface.vertices, abs=1e-9)

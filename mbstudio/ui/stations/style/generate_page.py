@@ -39,7 +39,7 @@ _ROWS = tuple(
 )
 
 
-_RANGES = {"stretch": (1.0, 3.0), "warping": (0.0, 1.5)}
+_RANGES = {"stretch": (1.0, 3.0), "warping": (0.0, 1.5), "detail_stretch": (0.0, 1.0)}
 _LOOK = mark("Click a clone in the view, or a row of the table, to look at it.")
 
 
@@ -59,8 +59,10 @@ class GeneratePage(QWidget):
         self.count.setRange(1, 100_000)
         self.count.setValue(100)
         self.seed.setRange(0, 2**31 - 1)
-        self.stretch, self.warping = QDoubleSpinBox(), QDoubleSpinBox()
-        for field, name in ((self.stretch, "stretch"), (self.warping, "warping")):
+        self.stretch, self.warping, self.detail_stretch = (QDoubleSpinBox() for _ in range(3))
+        for field, name in (
+            (self.stretch, "stretch"), (self.warping, "warping"), (self.detail_stretch, "detail_stretch")
+        ):  # fmt: skip
             about = CloneOptions.list_options().options[name]
             field.setRange(*_RANGES[name])
             field.setSingleStep(0.05)
@@ -102,6 +104,14 @@ class GeneratePage(QWidget):
                 tr("Warping"),
                 self.warping,
                 tr("Strength of the smooth warp; 1 is as grains of this kind differ"),
+            ),
+            row(
+                tr("Stretch of details"),
+                self.detail_stretch,
+                tr(
+                    "Share of the stretch that edges and roughness take on: 0 only turns them, 1 keeps "
+                    "planes plane and makes squeezed edges sharper"
+                ),
             ),
         )
         for part in (
@@ -163,7 +173,11 @@ class GeneratePage(QWidget):
         except GenerationError as error:
             self._refuse(str(error))
             return
-        options = CloneOptions(stretch=self.stretch.value(), warping=self.warping.value())
+        options = CloneOptions(
+            stretch=self.stretch.value(),
+            warping=self.warping.value(),
+            detail_stretch=self.detail_stretch.value(),
+        )
         self._work.generate(self.count.value(), self.seed.value(), where, options)
 
     def _refuse(self, why: str) -> None:
