@@ -108,7 +108,7 @@ def learn(
             raise StyleError("--on and --steps do not apply to preset 'surfaces': leave them out.")
         learn_surface_style(
             lambda: _bodies(sources, grains, limit, from_avatars, unit), inputs.title_of(sources), folder, n,
-            seed, unit, workers or usable_cores(), as_json=as_json,
+            seed, unit, workers or usable_cores(), takes_all=limit is not None, as_json=as_json,
         )  # fmt: skip
         return
     _learn_by_template(

@@ -20,7 +20,7 @@ FACTORS_TABLE = "factors.csv"
 
 def learn_surface_style(
     read: Callable[[], tuple[list[Any], list[str]]], title: str, folder: Path, n: int | None, seed: int,
-    unit: str | None, processes: int, *, as_json: bool,
+    unit: str | None, processes: int, *, takes_all: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Learn a style of surfaces, save it into a folder and say what it is.
 
@@ -37,8 +37,11 @@ def learn_surface_style(
     unit : str or None
         Of meshes that carry none.
     processes : int
+    takes_all : bool
+        Whether as many bodies as there are become parents; otherwise as many as a style needs.
     as_json : bool
     """
+    from mbstudio.core.cloning import parent_choice
     from mbstudio.core.cloning.parent_avatars import fit_parents
     from mbstudio.core.cloning.parents_gap import find_gap
     from mbstudio.core.cloning.surface_style import learn_surfaces
@@ -48,6 +51,16 @@ def learn_surface_style(
     begun = time.monotonic()
     bodies, names = read()
     solid = [_mesh_of(body) if isinstance(body, Avatar) else body for body in bodies]
+    found = len(solid)
+    if not takes_all:
+        volumes = [float(body.volume) for body in solid]
+        rows = parent_choice.spread_over_sizes(volumes, parent_choice.ENOUGH_PARENTS)
+        solid, names = [solid[row] for row in rows], [names[row] for row in rows]
+    if len(solid) < found:
+        console.tell(
+            f"mbstudio: {len(solid)} of {found:,} grains become parents, spread evenly over their sizes; "
+            f"--limit {found} takes all, which needs time and memory."
+        )
     with console.progress("Registering") as report:
         style = learn_surfaces(solid, names, unit=unit, seed=seed, progress=report)
     with console.progress("Fitting avatars") as report:

@@ -65,3 +65,15 @@ def test_what_surfaces_cannot_do_is_told(mbstudio, stones, tmp_path, monkeypatch
     assert ran.code == 1
     assert told in ran.err
     assert not (tmp_path / "clones").exists()
+
+
+def test_of_many_grains_some_become_parents(mbstudio, stones, tmp_path, monkeypatch):
+    monkeypatch.setattr("mbstudio.core.cloning.parent_choice.ENOUGH_PARENTS", 3)
+    words = ("learn", stones, "--unit", "mm", "--preset", "surfaces", "-n", 8, "--json", "-o")
+    ran = mbstudio(*words, tmp_path / "some")
+    assert ran.code == 0, ran.err
+    assert json.loads(ran.out)["parents"] == 3
+    assert "3 of 4 grains become parents" in ran.err
+    assert "--limit 4" in ran.err
+    ran = mbstudio(*words, tmp_path / "all", "--limit", 4)
+    assert json.loads(ran.out)["parents"] == 4

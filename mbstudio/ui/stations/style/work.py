@@ -223,13 +223,22 @@ class StyleWork(Work):
         # It can be paused: every report of progress is a place to wait.
         task = Task(tr("Learning surfaces"), work, fraction=lambda _: (-1.0, ""))
         title = tr("Learn style") if onto is None else tr("Continue learning")
-        task.succeeded.connect(lambda found: self._keep_surfaces(found, title))
+        source = asked.parents.source
+        offered = 0 if onto is not None or source == "folder" else len(self.labels(source))
+        task.succeeded.connect(lambda found: self._keep_surfaces(found, title, offered))
         return self.run.start(task)
 
-    def _keep_surfaces(self, found: tuple[SurfaceStyle, tuple[str, ...]], title: str) -> None:
+    def _keep_surfaces(self, found: tuple[SurfaceStyle, tuple[str, ...]], title: str, offered: int) -> None:
         style, notes = found
         self.workspace.use_surfaces(style, title)
-        words = tr("Learned the surfaces of {count} parents.", count=len(style.parents))
+        count = len(style.parents)
+        words = tr("Learned the surfaces of {count} parents.", count=count)
+        if count < offered:
+            words = tr(
+                "Learned the surfaces of {count} of {offered} grains, spread evenly over their sizes.",
+                count=count,
+                offered=f"{offered:,}",
+            )
         invalid = sum(not entry.valid for entry in style.avatars)
         told = [words]
         if invalid:

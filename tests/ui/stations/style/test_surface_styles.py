@@ -189,3 +189,11 @@ def test_a_style_learner_takes_the_place_of_surfaces(window, learner, clones):
     window.undo.undo()
     assert window.workspace.surfaces is fitted_stones()
     assert window.workspace.clones is clones
+
+
+def test_the_message_says_of_how_many_grains_the_parents_were_taken(window):
+    work = window.stations.style.work
+    work._keep_surfaces((fitted_stones(), ()), "Learn style", 1448)
+    assert "4 of 1,448 grains" in window.messages.text
+    work._keep_surfaces((fitted_stones(3), ()), "Learn style", 3)
+    assert "the surfaces of 3 parents" in window.messages.text
