@@ -31,7 +31,7 @@ WhereOption = Annotated[
 ]
 StretchOption = Annotated[
     float | None,
-    typer.Option("--stretch", help="Of a style of surfaces: largest stretch of a parent, usually 1.5."),
+    typer.Option("--stretch", help="Of a style of surfaces: largest stretch of a parent, usually 1.4."),
 ]
 DetailOption = Annotated[
     float | None,

@@ -30,7 +30,7 @@ class CloneOptions(OptionRecord, owner="clones", error=CloningError):
     """How far clones go from their parents."""
 
     stretch: float = option(
-        1.5,
+        1.4,
         "By how much a parent may be stretched or squeezed along an axis to take on another form.",
         minimum=1.0,
         maximum=3.0,
