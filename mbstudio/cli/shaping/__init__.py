@@ -1,1 +1,1 @@
-"""Grains shaped by hand on the command line: in a latent space, or from the surfaces of a style."""
+"""Grains shaped by hand, in a latent space or from the surfaces of a style. Begin at `latent`."""

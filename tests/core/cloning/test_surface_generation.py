@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mbstudio.core.cloning.clone_maker import CloneOptions
 from mbstudio.core.cloning.surface_generation import generate_surfaces
+from mbstudio.core.cloning.surface_generation_file import (
+    build_generation,
+    generation_entries,
+    generation_tensors,
+)
 from mbstudio.core.cloning.surface_style import SurfaceStyle
 from mbstudio.core.errors import CloningError
 
@@ -59,3 +65,17 @@ def test_avatars_need_those_of_the_parents(style: SurfaceStyle) -> None:
         generate_surfaces(style, 1, avatars=False).avatars()
     with pytest.raises(CloningError, match="must be 1 or more"):
         generate_surfaces(style, 0)
+
+
+def test_clones_of_earlier_files_were_stretched_whole(fitted_style: SurfaceStyle) -> None:
+    made = generate_surfaces(fitted_style, 2, seed=1, options=CloneOptions(detail_stretch=0.25))
+    entries, tensors = generation_entries(made), generation_tensors(made)
+    found = build_generation(entries, tensors, made.factors)
+    assert [clone.recipe.detail_stretch for clone in found.clones] == [0.25, 0.25]
+    assert found.options == made.options
+    del tensors["detail_stretches"], entries["options"]["detail_stretch"]
+    old = build_generation(entries, tensors, made.factors)
+    assert [clone.recipe.detail_stretch for clone in old.clones] == [1.0, 1.0]
+    assert old.options.detail_stretch == 1.0
+    with pytest.raises(ValueError, match="shares of stretch"):
+        build_generation(entries, {**tensors, "detail_stretches": np.array([0.5, 2.0])}, made.factors)

@@ -50,4 +50,7 @@ def differences(before: Any, now: Any, place: str = "project") -> list[str]:
         for key in before.keys() & now.keys():
             found += differences(before[key], now[key], f"{place}.{key}")
         return found
+    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        pairs = enumerate(zip(before, now, strict=True))
+        return [word for at, (one, other) in pairs for word in differences(one, other, f"{place}[{at}]")]
     return [] if before == now else [f"{place}: {before!r} became {now!r}"]
