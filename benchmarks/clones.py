@@ -5,7 +5,8 @@ about, for each seed. Every figure has its error beside it, and the same figure 
 What the clones were tuned on is said in docs/benchmarks.md; kinds that nothing was tuned on are fair ones.
 
 Run: ``OMP_NUM_THREADS=1 python benchmarks/clones.py [KIND ...] [--seeds 3] [--clones 2] [--n 120]
-[--parents 20] [--stretch 1.2] [--warping 0.3] [--preset surfaces|aligned] [--processes 2]``.
+[--parents 20] [--stretch 1.2] [--warping 0.3] [--detail-stretch 1] [--surfaces-only]
+[--preset surfaces|aligned] [--processes 2]``.
 """
 
 from __future__ import annotations
@@ -87,13 +88,21 @@ class Clones:
         count = asked.clones * len(parents)
         self.surfaces: list[trimesh.Trimesh] = []
         if asked.preset == "surfaces":
-            options = CloneOptions(stretch=asked.stretch, warping=asked.warping)
-            style = fit_parents(learn_surfaces(parents, seed=seed), asked.n, processes=asked.processes)
-            found = generate_surfaces(style, count, seed, options=options, processes=asked.processes)
-            self.surfaces, self.avatars = found.meshes(), found.avatars()
+            options = CloneOptions(
+                stretch=asked.stretch, warping=asked.warping, detail_stretch=asked.detail_stretch
+            )
+            style = learn_surfaces(parents, seed=seed)
+            if not asked.surfaces_only:
+                style = fit_parents(style, asked.n, processes=asked.processes)
+            found = generate_surfaces(
+                style, count, seed, options=options, avatars=bool(style.avatars), processes=asked.processes
+            )
+            self.surfaces = found.meshes()
+            self.avatars = found.avatars() if style.avatars else []
             self.parents = [clone.recipe.parent for clone in found.clones]
             self.fits_of_parents = [entry.avatar for entry in style.avatars]
-            self.rms = float(np.mean([clone.fitted.rms for clone in found.clones if clone.fitted]))
+            errors = [clone.fitted.rms for clone in found.clones if clone.fitted]
+            self.rms = float(np.mean(errors)) if errors else float("nan")
         else:
             shapes = serialize(
                 parents,
@@ -141,6 +150,13 @@ def run_kind(kind: str, asked: argparse.Namespace) -> None:
             true, parents = [known[row] for row in others], [known[row] for row in chosen]
             kin = [f"parent {row}" for row in clones.parents]
             parent_groups = [f"parent {row}" for row in range(len(chosen))]
+            if not clones.avatars:
+                made = features_of(clones.surfaces, asked.processes)
+                judged.append(
+                    judge(true, made, clone_parents=kin, parents=parents, parent_groups=parent_groups,
+                          seed=seed)
+                )  # fmt: skip
+                continue
             fits = features_of(clones.avatars, asked.processes)
             fits_of_parents = features_of(clones.fits_of_parents, asked.processes)
             # Fits of parents against parents: paired and unpaired floor of the representation.
@@ -167,9 +183,9 @@ def run_kind(kind: str, asked: argparse.Namespace) -> None:
     print("|---" * (2 * len(names) + 1) + "|")
     for key in [comparison.name for comparison in main[0].comparisons]:
         print_judgement(key, [(entry, key) for entry in main])
-    if judged:
+    if judged and by_avatars:
         print_judgement("true against avatars of clones", [(e, e.comparisons[0].name) for e in by_avatars])
-    for comparison in by_avatars[0].comparisons[2:]:
+    for comparison in by_avatars[0].comparisons[2:] if by_avatars else ():
         print_judgement(comparison.name, [(entry, comparison.name) for entry in by_avatars])
     print_drifts(main)
     likeness = [entry.likeness for entry in main]
@@ -177,7 +193,8 @@ def run_kind(kind: str, asked: argparse.Namespace) -> None:
         pairs = np.array([getattr(entry, name) for entry in likeness]).mean(axis=0)
         print(f"- {words}: {pairs[0]:.3f} among true grains, {pairs[1]:.3f} of clones")
     print(f"- correlation with the parent made of: {np.mean([e.source_correlation for e in likeness]):.3f}")
-    print(f"- avatars' rms {100 * np.mean(rms):.2f} % of D_n; {np.mean(cpu):.0f} CPU s here a half")
+    if by_avatars:
+        print(f"- avatars' rms {100 * np.mean(rms):.2f} % of D_n; {np.mean(cpu):.0f} CPU s here a half")
 
 
 def print_drifts(found: Sequence[Judgement]) -> None:
@@ -211,6 +228,8 @@ def main() -> None:
     parser.add_argument("--parents", type=int, default=0, help="parents in a half at most; 0: all")
     parser.add_argument("--stretch", type=float, default=CloneOptions().stretch)
     parser.add_argument("--warping", type=float, default=CloneOptions().warping)
+    parser.add_argument("--detail-stretch", type=float, default=CloneOptions().detail_stretch)
+    parser.add_argument("--surfaces-only", action="store_true", help="fit no metaballs")
     parser.add_argument("--processes", type=int, default=1)
     asked = parser.parse_args()
     for kind in asked.kinds or KINDS:

@@ -91,7 +91,7 @@ class Hand:
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("count", [40, pytest.param(500, marks=pytest.mark.full)])
+@pytest.mark.parametrize("count", [20, pytest.param(500, marks=pytest.mark.full)])
 def test_random_edits_are_what_python_gives_and_are_undone_bit_by_bit(at_grains, idle, grains, rng, count):
     space, hand = at_grains.workspace, Hand(at_grains, idle, rng)
     begun = space.project.history.position
