@@ -76,6 +76,7 @@ class Workspace(QObject):
     clones_changed = Signal()
     kept_changed = Signal()
     learning_changed = Signal()
+    packing_changed = Signal()
     selection_changed = Signal()
     clone_changed = Signal()
     project_replaced = Signal()
@@ -476,5 +477,7 @@ class Workspace(QObject):
             self.kept_changed.emit()
         if all_of_it or now.strokes is not before.strokes or now.classifier is not before.classifier:
             self.learning_changed.emit()
+        if all_of_it or now.packing is not before.packing:
+            self.packing_changed.emit()
         if all_of_it or now.fit_settings != before.fit_settings or now.segmentation != before.segmentation:
             self.settings_changed.emit()

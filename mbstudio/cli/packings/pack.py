@@ -19,7 +19,8 @@ HELP = """Pour grains into a mould, let them settle, and measure porosity, coord
 MuJoCo settles them as clumps of spheres with the avatars' mass and inertia. Porosity is counted on the
 avatars in the inner part, away from walls, floor and surface. The output folder holds poses.csv,
 contacts.csv, profile.csv (porosity by height), walls.csv (by distance from the walls), packing.vtp for
-ParaView and summary.json. With --against two kinds of grains are packed with several seeds and compared.
+ParaView, packing.ply and summary.json. With --against two kinds of grains are packed with several seeds
+and compared.
 """
 InsetOption = Annotated[
     float,

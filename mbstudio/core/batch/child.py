@@ -7,7 +7,7 @@ import sys
 from importlib import import_module
 
 from mbstudio.core import errors
-from mbstudio.core.batch.messages import receive, send
+from mbstudio.core.batch.messages import Arrays, receive, send
 
 
 def serve(job: str) -> None:
@@ -24,8 +24,8 @@ def serve(job: str) -> None:
     module, _, name = job.partition(":")
     work = getattr(import_module(module), name).work
 
-    def report(share: float, message: str) -> None:
-        send(answers, {"report": [share, message]})
+    def report(share: float, message: str, arrays: Arrays | None = None, /) -> None:
+        send(answers, {"report": [share, message]}, arrays)
 
     while True:
         try:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Mapping
-from typing import Any, BinaryIO
+from collections.abc import Mapping
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
@@ -15,8 +15,15 @@ Arrays = dict[str, np.ndarray]
 Message = tuple[Head, Arrays]
 """Plain values that JSON can hold, and arrays by name."""
 
-Report = Callable[[float, str], None]
-"""``report(share, message)``: how far work has come, from 0 to 1, and what is being done."""
+
+class Report(Protocol):
+    """Takes how far work has come, from 0 to 1, what is being done, and maybe arrays: how it looks now."""
+
+    def __call__(self, share: float, message: str, arrays: Arrays | None = None, /) -> None: ...
+
+
+def unheard(_share: float, _message: str, _arrays: Arrays | None = None, /) -> None:
+    """Take a report that nobody asked for."""
 
 
 def send(stream: BinaryIO, head: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None) -> None:

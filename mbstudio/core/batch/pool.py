@@ -16,17 +16,20 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Generic, TypeVar, cast
 
 from mbstudio.core import errors
 from mbstudio.core.batch.kept_answers import KeptAnswers, current_answers, question_of
-from mbstudio.core.batch.messages import Arrays, Head, Message, Report, receive, send
+from mbstudio.core.batch.messages import Arrays, Head, Message, Report, receive, send, unheard
 from mbstudio.core.errors import MbstudioError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+Heard = Callable[[float, str], object]
+Seen = Callable[[Arrays], object]
 
 _ROOT = str(Path(__file__).resolve().parents[3])
 """The folder that holds this very package ``mbstudio``, installed or not."""
@@ -85,7 +88,7 @@ class Job(ABC, Generic[Task, Result]):
 
     def work_here(self, task: Task) -> Result:
         """Do a task in the calling thread."""
-        return self.unpack(task, *self.work(*self.pack(task), lambda _share, _message: None))
+        return self.unpack(task, *self.work(*self.pack(task), unheard))
 
 
 class WorkerPool(Generic[Task, Result]):
@@ -106,7 +109,8 @@ class WorkerPool(Generic[Task, Result]):
         self,
         tasks: Sequence[Task],
         on_result: Callable[[Task, Result], object] | None = None,
-        on_report: Report | None = None,
+        on_report: Heard | None = None,
+        on_arrays: Seen | None = None,
     ) -> list[Result]:
         """Return the results in the order of the tasks.
 
@@ -115,11 +119,11 @@ class WorkerPool(Generic[Task, Result]):
         tasks : sequence
         on_result : callable, optional
             ``on_result(task, result)`` in the calling thread as each is done; what it raises ends all.
-        on_report : callable, optional
+        on_report, on_arrays : callable, optional
             As for :meth:`as_completed`.
         """
         found: dict[int, Result] = {}
-        with closing(self.as_completed(tasks, on_report)) as done:
+        with closing(self.as_completed(tasks, on_report, on_arrays)) as done:
             for place, result in done:
                 found[place] = result
                 if on_result is not None:
@@ -127,7 +131,7 @@ class WorkerPool(Generic[Task, Result]):
         return [found[place] for place in range(len(tasks))]
 
     def as_completed(
-        self, tasks: Sequence[Task], on_report: Report | None = None
+        self, tasks: Sequence[Task], on_report: Heard | None = None, on_arrays: Seen | None = None
     ) -> Generator[tuple[int, Result], None, None]:
         """Yield the place of each task and its result as it is done; closing the generator ends all at once.
 
@@ -137,13 +141,16 @@ class WorkerPool(Generic[Task, Result]):
         on_report : callable, optional
             ``on_report(share, message)`` in the calling thread for what :meth:`Job.work` reports, at least
             ten times a second; what it raises ends all.
+        on_arrays : callable, optional
+            ``on_arrays(arrays)`` in the calling thread for the arrays of a report that has some. Who takes
+            its time over them lets the process wait.
         """
         if self._size == 0:
             yield from _work_here(self._job, tasks, self._kept)
             return
         with closing(_Run(self._job, tasks, min(self._size, len(tasks)), self._kept)) as run:
             for _ in tasks:
-                yield run.wait(on_report)
+                yield run.wait(on_report, on_arrays)
 
 
 def _work_here(
@@ -155,13 +162,7 @@ def _work_here(
                 result = job.work_here(task)
             else:
                 message = job.pack(task)
-                result = _answered(
-                    job,
-                    task,
-                    message,
-                    kept,
-                    lambda message: job.work(*message, lambda _share, _message: None),
-                )
+                result = _answered(job, task, message, kept, lambda message: job.work(*message, unheard))
         except MbstudioError as error:
             result = job.fail(task, error)
         yield place, result
@@ -191,6 +192,7 @@ class _Told:
 
     share: float
     message: str
+    arrays: Arrays = field(default_factory=dict)
 
 
 class _Run(Generic[Task, Result]):
@@ -212,7 +214,7 @@ class _Run(Generic[Task, Result]):
         for thread in self._threads:
             thread.start()
 
-    def wait(self, on_report: Report | None) -> tuple[int, Result]:
+    def wait(self, on_report: Heard | None, on_arrays: Seen | None = None) -> tuple[int, Result]:
         """Return what is done next, passing on what is reported in the meantime."""
         while True:
             try:
@@ -223,7 +225,9 @@ class _Run(Generic[Task, Result]):
                 raise item
             if not isinstance(item, _Told):
                 return item
-            self._told = item
+            self._told = _Told(item.share, item.message)
+            if on_arrays is not None and item.arrays:
+                on_arrays(item.arrays)
             if on_report is not None:
                 on_report(item.share, item.message)
 
@@ -287,8 +291,8 @@ class _Run(Generic[Task, Result]):
             self._children.discard(child)
         return code
 
-    def _tell(self, share: float, message: str) -> None:
-        self._hand_back(_Told(share, message))
+    def _tell(self, share: float, message: str, arrays: Arrays | None = None, /) -> None:
+        self._hand_back(_Told(share, message, arrays or {}))
 
     def _hand_back(self, item: tuple[int, Result] | _Told | BaseException) -> None:
         while not self._stopped.is_set():
@@ -338,7 +342,8 @@ class Child:
                 head, arrays = receive(answers)
                 if "report" not in head:
                     break
-                on_report(*head["report"])
+                share, told = head["report"]
+                on_report(share, told, arrays)
         except (EOFError, OSError) as error:
             raise _Gone from error
         if "error" in head:

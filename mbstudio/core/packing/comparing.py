@@ -174,7 +174,7 @@ def compare_packings(
             raise PackingError(
                 f"'{name}' has {len(packings[name])} packings: an error needs at least 2 seeds."
             )
-    return _compare({name: _means_of(group, inset) for name, group in packings.items()})
+    return compare_means({name: means_of(group, inset) for name, group in packings.items()})
 
 
 def _spheres_of(group: Sequence[Packing] | Sequence[Avatar]) -> Sequence[Avatar]:
@@ -210,12 +210,14 @@ def _packings_of(
     return packings
 
 
-def _means_of(packings: Sequence[Packing], inset: float) -> dict[str, Mean]:
+def means_of(packings: Sequence[Packing], inset: float = INSET) -> dict[str, Mean]:
+    """Return the means of two packings or more, by measure."""
     found = [packing.measures(inset) for packing in packings]
     return {name: Mean.of([getattr(measures, name) for measures in found]) for name in MEASURES}
 
 
-def _compare(means: Mapping[str, Mapping[str, Mean]]) -> PackingComparison:
+def compare_means(means: Mapping[str, Mapping[str, Mean]]) -> PackingComparison:
+    """Return how groups differ from the first one, by their means."""
     first, *others = means
     differences = []
     for measure in MEASURES:

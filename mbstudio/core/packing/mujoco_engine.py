@@ -231,7 +231,12 @@ def settle(task: SettlingTask, report: Report) -> Message:
         if calm == _LOOKS_AT_REST:
             break
         share = min(0.5 * data.time / fall, 0.5 + 0.45 * (data.time - fall) / _MOST_TIME) if fall else 0.5
-        report(max(share, 0.0), f"Settling: kinetic energy {energy:.1e} m g d a grain")
+        poses = data.qpos.reshape(count, 7)
+        report(
+            max(share, 0.0),
+            f"Settling: kinetic energy {energy:.1e} m g d a grain",
+            {"positions": poses[:, :3], "quaternions": poses[:, 3:]},
+        )
     else:
         raise PackingError(
             f"The grains have not come to rest in {data.time:.0f} sqrt(d/g): each still has a kinetic energy "

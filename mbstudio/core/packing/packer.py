@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from mbstudio.core.batch.messages import Arrays
 from mbstudio.core.batch.pool import WorkerPool
 from mbstudio.core.dem.specimen.placing import random_quaternions, scattered
 from mbstudio.core.errors import PackingError
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.packing.contacts import find_contacts
+from mbstudio.core.packing.frame import PackingFrame, Watch
 from mbstudio.core.packing.grain_kinds import GrainKinds, Progress, prepare_kinds
 from mbstudio.core.packing.mould import Mould, width_for
 from mbstudio.core.packing.mujoco_engine import TITLE, Settled, SettlingJob, SettlingTask, require_mujoco
@@ -35,6 +37,7 @@ def pack(
     count: int = 200,
     *,
     progress: Progress | None = None,
+    watch: Watch | None = None,
     processes: int | None = None,
     **options: Any,
 ) -> Packing:
@@ -54,6 +57,9 @@ def pack(
         Number of grains.
     progress : callable(share, message), optional
         At least ten times a second; raising in it cancels, and ends the engine.
+    watch : callable(frame), optional
+        Gets a :class:`~mbstudio.core.packing.frame.PackingFrame` each few steps while grains settle; the
+        engine waits for who takes its time.
     processes : int, optional
         For the clumps; as many as there are cores by default.
     **options
@@ -89,7 +95,14 @@ def pack(
     def tell_settling(share: float, message: str) -> None:
         tell(_SHARE_OF_CLUMPS + (1 - _SHARE_OF_CLUMPS) * share, message)
 
-    settled = WorkerPool(SettlingJob(), 1).map([task], on_report=tell_settling)[0]
+    def show(arrays: Arrays) -> None:
+        if watch is not None:
+            turns = arrays["quaternions"] / np.linalg.norm(arrays["quaternions"], axis=1, keepdims=True)
+            places = arrays["positions"] * scale
+            watch(PackingFrame(kinds, Poses(start.kinds, start.scales, places, turns), mould))
+
+    pool = WorkerPool(SettlingJob(), 1)
+    settled = pool.map([task], on_report=tell_settling, on_arrays=show)[0]
     return _accepted(kinds, start, mould, plan, settled, scale, time.monotonic() - begun)
 
 

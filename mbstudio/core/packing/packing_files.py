@@ -13,8 +13,8 @@ from mbstudio.core.packing.poses import write_poses
 from mbstudio.core.replacement import replacing
 
 POSES, CONTACTS, PROFILE, WALLS = "poses.csv", "contacts.csv", "profile.csv", "walls.csv"
-SURFACES, SUMMARY = "packing.vtp", "summary.json"
-NAMES = (POSES, CONTACTS, PROFILE, WALLS, SURFACES, SUMMARY)
+SURFACES, MESH, SUMMARY = "packing.vtp", "packing.ply", "summary.json"
+NAMES = (POSES, CONTACTS, PROFILE, WALLS, SURFACES, MESH, SUMMARY)
 
 
 def write_packing(packing: Packing, folder: Path, *, inset: float = INSET, cells: int = 24) -> list[Path]:
@@ -41,6 +41,8 @@ def write_packing(packing: Packing, folder: Path, *, inset: float = INSET, cells
     packing.profile(inset).to_csv(folder / PROFILE, index=False, lineterminator="\r\n")
     packing.wall_profile(inset).to_csv(folder / WALLS, index=False, lineterminator="\r\n")
     write_surfaces(packing, folder / SURFACES, cells)
+    with replacing(folder / MESH) as temporary:
+        packing.mesh(cells).export(temporary, file_type="ply")
     with replacing(folder / SUMMARY) as temporary:
         temporary.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return [folder / name for name in NAMES]

@@ -36,6 +36,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "style": ("style", "clones", "surfaces", "surface_clones"),
     "work": ("fits", "outdated", "fit_settings"),
     "kept": ("kept",),
+    "packing": ("packing",),
     "learning": ("strokes", "classifier"),
     "log": ("log",),
 }

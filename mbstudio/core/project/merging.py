@@ -93,6 +93,7 @@ def merge_states(base: ProjectState | None, ours: ProjectState, theirs: ProjectS
         surface_clones=styled.surface_clones,
         fit_settings=settings,
         strokes=theirs.strokes if ours.strokes is begun.strokes else ours.strokes,
+        packing=theirs.packing if ours.packing is begun.packing else ours.packing,
         classifier=theirs.classifier if ours.classifier is begun.classifier else ours.classifier,
     )
     added = len(fits.keys() - ours.fits.keys()) + kept_added

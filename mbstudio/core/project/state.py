@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mbstudio.core.grains.editing.editable import EditOutcome
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
+    from mbstudio.core.packing.trial import PackingTrial
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
@@ -97,6 +98,8 @@ class ProjectState:
         A style of surfaces in place of a style-learner.
     surface_clones : SurfaceGeneration or None
         New grains made last of those surfaces.
+    packing : PackingTrial or None
+        The packings made last, of avatars, clones or spheres.
     kept : tuple of KeptGrain
         Grains shaped by hand, of any style-learner that the project had.
     outdated : mapping of int to FitResult
@@ -124,6 +127,7 @@ class ProjectState:
     log: tuple[str, ...] = ()
     surfaces: SurfaceStyle | None = None
     surface_clones: SurfaceGeneration | None = None
+    packing: PackingTrial | None = None
 
     @property
     def new_grains(self) -> Generation | SurfaceGeneration | None:

@@ -89,6 +89,9 @@ def correct_voxel_size(state: ProjectState, size: VoxelSize) -> VoxelSizeCorrect
         found, notes = _without_bodies(state_of_scan, state)
     else:
         found, notes = _with_scaled_bodies(state_of_scan, state, before, size, factor)
+    if found.packing is not None:
+        found = replace(found, packing=None)
+        notes = (*notes, "The packing was of grains of other sizes: it is removed. Pack them again.")
     return VoxelSizeCorrection(found, before, size, factor, _medians(state.grains, found.grains), notes)
 
 

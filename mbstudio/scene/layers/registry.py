@@ -17,6 +17,7 @@ from mbstudio.scene.layers.grains import AllGrains
 from mbstudio.scene.layers.layer import Layer, Stage
 from mbstudio.scene.layers.live import LiveGrain
 from mbstudio.scene.layers.outline import Outline
+from mbstudio.scene.layers.packing import PackedLayer
 from mbstudio.scene.layers.part_box import PartBox
 from mbstudio.scene.layers.side_by_side import SideBySide
 from mbstudio.scene.layers.slices import Slices
@@ -51,6 +52,7 @@ class Layers(Mapping[str, Layer[Any]]):
     ghost_b: GhostB
     shape: ExportShape
     envelope: Envelope
+    packing: PackedLayer
     tray: Tray
     side_by_side: SideBySide
 

@@ -29,6 +29,13 @@ def add_surface(stage: Stage, name: str, mesh: pv.PolyData, **look: Any) -> pv.A
     return actor
 
 
+def remove_plane(mapper: Any, plane: Any) -> None:
+    """Let a plane cut no longer what a mapper draws, if it does."""
+    planes = mapper.GetClippingPlanes()
+    if planes is not None and planes.IsItemPresent(plane):
+        mapper.RemoveClippingPlane(plane)
+
+
 class SurfaceLayer(Layer[Surface]):
     """The surface of one body.
 

@@ -39,6 +39,7 @@ from mbstudio.scene.reports.laboratory_blocks import (
     test_blocks,
 )
 from mbstudio.scene.reports.methods import describe_methods, repeat_record
+from mbstudio.scene.reports.packing_blocks import packing_blocks, packing_record
 from mbstudio.scene.reports.pdf_pages import write_pdf
 from mbstudio.scene.reports.report_page import page
 
@@ -125,6 +126,8 @@ def write_report(
     for place, block in enumerate(_draw_figures(shown, sieves, found)):
         blocks.append(block)
         report(0.1 + 0.1 * (place + 1), "figures")
+    if project.state.packing is not None:
+        blocks += packing_blocks(project.state.packing)
     blocks += [*_list_troubles(project, populations), *_list_files(project, populations)]
     blocks += _tell_methods(project, populations, found)
     if path.suffix.lower() == ".pdf":
@@ -143,6 +146,7 @@ def _machine_text(project: Project, populations: ProjectPopulations, findings: F
         "repeat": repeat_record(project, populations, findings),
         "methods": {"text": text, "references": references},
         "findings": record_of(findings),
+        "packing": None if project.state.packing is None else packing_record(project.state.packing),
         "grains": _rows_of(populations.grains),
         "avatars": None if populations.avatars is None else _rows_of(populations.avatars),
     }

@@ -10,10 +10,16 @@ from jaxtyping import Float
 from vtkmodules.vtkCommonDataModel import vtkPlane
 
 from mbstudio.scene.layers.picking import length_of_drag, to_display
+from mbstudio.scene.layers.surface_layer import remove_plane
 from mbstudio.scene.theme import SceneTheme
 
 LEAST = 0.02  # of the whole that stays between two faces
 REACH = 11.0  # pixels at scale 1 between mouse and the middle of a face
+
+
+def _is_cut(actor: Any) -> bool:
+    planes = actor.mapper.GetClippingPlanes()
+    return planes is not None and planes.GetNumberOfItems() > 0
 
 
 class ClipBox:
@@ -58,8 +64,10 @@ class ClipBox:
         """Cut these actors (and no others), if it is on."""
         gone = [actor for actor in self._actors if not self.is_on or actor not in actors]
         for actor in gone:
-            actor.mapper.RemoveAllClippingPlanes()
-            if hasattr(actor.prop, "culling"):
+            # A layer may cut its actor by a plane of its own.
+            for plane in (plane for pair in self._planes for plane in pair):
+                remove_plane(actor.mapper, plane)
+            if hasattr(actor.prop, "culling") and not _is_cut(actor):
                 actor.prop.culling = "back"
         kept = [actor for actor in self._actors if actor not in gone]
         self._actors = list(actors)

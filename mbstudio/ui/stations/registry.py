@@ -12,6 +12,7 @@ from mbstudio.ui.stations.export.station import ExportStation
 from mbstudio.ui.stations.fit.station import FitStation
 from mbstudio.ui.stations.grains.station import GrainStation
 from mbstudio.ui.stations.latent.station import LatentStation
+from mbstudio.ui.stations.packing.station import PackingStation
 from mbstudio.ui.stations.populations.station import PopulationStation
 from mbstudio.ui.stations.scan.station import ScanStation
 from mbstudio.ui.stations.station import Station
@@ -27,6 +28,7 @@ STATIONS: list[type[Station]] = [
     StyleStation,
     LatentStation,
     ExportStation,
+    PackingStation,
 ]
 
 

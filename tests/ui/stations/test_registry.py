@@ -101,7 +101,7 @@ def test_a_station_in_the_registry_has_everything(sieving):
     assert station.seen == ["wire"]
     assert window.docks["pile"].isHidden()
     button = window.rail._buttons["sieve"]
-    assert (button.text(), button.toolTip()) == ("Sieve", "Shake grains (Ctrl+8)")
+    assert (button.text(), button.toolTip()) == ("Sieve", "Shake grains (Ctrl+9)")
     QTest.mouseClick(button, Qt.MouseButton.LeftButton)
     assert station.is_open
     assert window.stations.current is station
@@ -126,7 +126,7 @@ def test_a_station_in_the_registry_has_everything(sieving):
 
 def test_a_station_has_its_menu_before_view(sieving):
     titles = [action.text().replace("&", "") for action in sieving.menuBar().actions()]
-    assert titles[-5:] == ["Latent", "Sieving", "View", "Tools", "Help"]
+    assert titles[-5:] == ["Packing", "Sieving", "View", "Tools", "Help"]
 
 
 def test_undo_is_the_stations_where_it_has_a_history_else_the_projects(sieving):
