@@ -177,13 +177,17 @@ def export(
         "left_out": left_out,
         "files": [str(path) for path in done.files],
         "warnings": list(done.warnings),
+        "runs": {name: dict(cost) for name, cost in done.runs.items()},
     }
+    for name, cost in done.runs.items():
+        console.tell(f"{name} takes {cost['steps']:,} time steps, about {cost['hours']:.2g} hours on one core.")
     for warning in done.warnings:
         console.tell(f"Warning: {warning}")
     if as_json:
         console.print_json(result)
     else:
         facts = {**result, "files": len(done.files), "warnings": len(done.warnings)}
+        del facts["runs"]
         console.print_facts("Exported", facts)
 
 

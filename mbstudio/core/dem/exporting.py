@@ -57,6 +57,12 @@ class ExportReport:
     items: tuple[Mapping[str, Any], ...]
     warnings: tuple[str, ...] = ()
 
+    @property
+    def runs(self) -> Mapping[str, Mapping[str, Any]]:
+        """What each deck costs, by its name: time steps, the step in s, about how many hours on one core."""
+        runs: Mapping[str, Mapping[str, Any]] = self.manifest.get("runs", {})
+        return runs
+
 
 def export(
     avatars: Avatar | Sequence[Avatar],
@@ -213,6 +219,8 @@ def _write_files(
         for body, files, details in zip(job.bodies, written.item_files, written.item_details, strict=True)
     ]
     manifest = make_manifest(target.name, job.unit, job.density, job.options, items, shared, job.folder)
+    if written.runs:
+        manifest["runs"] = {name: dict(cost) for name, cost in written.runs.items()}
     if job.specimen is not None and plan is not None:
         manifest["specimen"] = describe_specimen(job.specimen, plan)
     write_manifest(job.folder, manifest)

@@ -74,11 +74,14 @@ class Written:
         What the manifest says about it beside mass and pose.
     shared_files : tuple of str
         Files that belong to no single body, such as an example deck.
+    runs : mapping
+        What each deck costs, by its name: time steps, the step in s, and about how many hours on one core.
     """
 
     item_files: Sequence[tuple[str, ...]]
     item_details: Sequence[Mapping[str, Any]]
     shared_files: tuple[str, ...] = ()
+    runs: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,20 @@ class Frame:
         In the unit of the dump.
     widths : float array, shape (3,)
         Of the box where its sides are periodic, infinity elsewhere or where places are unwrapped.
+    owners : int array, shape (spheres,), or None
+        Which grain each sphere belongs to, where the dump tells (``mol``).
+    radii : float array, shape (spheres,), or None
+    half : float
+        Half the width of the box.
     """
 
     step: int
     ids: Int[np.ndarray, " spheres"]
     places: Float[np.ndarray, "spheres 3"]
     widths: Float[np.ndarray, " 3"]
+    owners: Int[np.ndarray, " spheres"] | None = None
+    radii: Float[np.ndarray, " spheres"] | None = None
+    half: float = float("nan")
 
 
 def is_dump(path: Path) -> bool:
@@ -102,7 +110,14 @@ def _parse(lines: Iterator[str]) -> Frame:
             for (low, high), is_periodic in zip(box, [*periodic, False, False, False], strict=False)
         ]
     )
-    return Frame(step, ids[order], places[order], widths)
+    owners = radii = None
+    if {"mol", "radius"} <= set(columns):
+        owners = np.array([int(row[columns["mol"]]) for row in rows], dtype=np.int64)[order]
+        radii = np.array([float(row[columns["radius"]]) for row in rows])[order]
+        if not np.isfinite(radii).all() or (radii <= 0).any():
+            raise ValueError("a radius is not positive")
+    half = (box[0][1] - box[0][0]) / 2
+    return Frame(step, ids[order], places[order], widths, owners, radii, half)
 
 
 def _require(line: str, start: str) -> None:
@@ -150,19 +165,89 @@ def find_poses(
         local = scale * clumps[kind]
         placed = frame.places[start : start + len(local)]
         start += len(local)
-        apart = placed - placed[0]
-        steps = np.where(np.isfinite(frame.widths), np.round(apart / frame.widths), 0.0)
-        placed = placed - steps * np.where(np.isfinite(frame.widths), frame.widths, 0.0)
-        turn, place = _superpose(local, placed)
-        extent = float(np.linalg.norm(local - local.mean(axis=0), axis=1).max())
-        off = float(np.linalg.norm(local @ turn.T + place - placed, axis=1).max())
-        if off > tolerance * max(extent, 1e-300):
+        place, turn, off, extent = _lay(local, placed, frame.widths)
+        if off > tolerance * extent:
             raise PackingError(
                 f"{where} is of other grains: the spheres of grain {grain + 1} are up to {off:.3g} from "
                 "those of its clump."
             )
         positions[grain], rotations[grain] = place, turn
     return positions, rotations
+
+
+@dataclass(frozen=True, eq=False)
+class FoundGrains:
+    """Grains of a dump that tells owners and radii: their kinds, sizes and poses, in the unit of the dump."""
+
+    kinds: Int[np.ndarray, " count"]
+    scales: Float[np.ndarray, " count"]
+    positions: Float[np.ndarray, "count 3"]
+    rotations: Float[np.ndarray, "count 3 3"]
+
+
+def find_grains(
+    frame: Frame, clumps: Sequence[Float[np.ndarray, "n 4"]], tolerance: float, where: str
+) -> FoundGrains:
+    """Find what grain each body of a dump is, by the radii of its spheres, and how it lies.
+
+    Parameters
+    ----------
+    frame : Frame
+        With owners and radii; the spheres of each grain by their numbers as in its clump.
+    clumps : sequence of float array, shape (n, 4)
+        Centres and radii of the spheres of each kind, in its principal frame and the unit of the frame.
+    tolerance : float
+        How far a sphere may be from its place in the clump, over the clump's extent; the same for radii, over
+        their mean.
+    where : str
+        The file, for messages.
+
+    Raises
+    ------
+    PackingError
+        If the dump does not tell owners and radii, or the spheres of a grain are those of no clump.
+    """
+    if frame.owners is None or frame.radii is None:
+        raise PackingError(f"{where} does not tell which sphere is whose: dump 'id mol x y z radius'.")
+    kinds, scales, places, turns = [], [], [], []
+    order = np.argsort(frame.owners, kind="stable")
+    starts = np.flatnonzero(np.diff(frame.owners[order], prepend=frame.owners[order][:1] - 1))
+    for grain, mine in enumerate(np.split(order, starts[1:]) if len(order) else [], start=1):
+        radii, best = frame.radii[mine], (np.inf, -1, 1.0)
+        for kind, clump in enumerate(clumps):
+            if len(clump) == len(mine):
+                scale = float(radii.sum() / clump[:, 3].sum())
+                off = float(np.abs(radii - scale * clump[:, 3]).max() / radii.mean())
+                best = min(best, (off, kind, scale))
+        off, kind, scale = best
+        if off <= tolerance:
+            local = scale * clumps[kind][:, :3]
+            place, turn, away, extent = _lay(local, frame.places[mine], frame.widths)
+            off = away / extent
+        if off > tolerance:
+            raise PackingError(
+                f"{where} is of other grains: the {len(mine)} spheres of grain {grain} are those of no "
+                "clump here."
+            )
+        kinds.append(kind)
+        scales.append(scale)
+        places.append(place)
+        turns.append(turn)
+    if not kinds:
+        raise PackingError(f"{where} has no grains in its last frame.")
+    return FoundGrains(np.array(kinds), np.array(scales), np.array(places), np.array(turns))
+
+
+def _lay(
+    local: Float[np.ndarray, "n 3"], placed: Float[np.ndarray, "n 3"], widths: Float[np.ndarray, " 3"]
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"], float, float]:
+    """Return where a clump lies, how it is turned, how far a sphere is off, and the clump's extent."""
+    apart = placed - placed[0]
+    steps = np.where(np.isfinite(widths), np.round(apart / widths), 0.0)
+    placed = placed - steps * np.where(np.isfinite(widths), widths, 0.0)
+    turn, place = _superpose(local, placed)
+    extent = max(float(np.linalg.norm(local - local.mean(axis=0), axis=1).max()), 1e-300)
+    return place, turn, float(np.linalg.norm(local @ turn.T + place - placed, axis=1).max()), extent
 
 
 def _superpose(

@@ -82,16 +82,19 @@ def write_poses(path: Path, poses: Poses, names: Sequence[str]) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def read_poses(path: Path, names: Sequence[str]) -> Poses:
+def read_poses(path: Path, names: Sequence[str], metres: float = 1.0) -> Poses:
     """Read a table of poses: that of :func:`write_poses`, ``specimen.csv`` of an export, or one of one's own.
 
-    Columns are found by their names; ``scale`` may be missing, others are passed over.
+    Columns are found by their names; ``scale`` may be missing, others are passed over. Places in columns
+    ``x_m``, ``y_m``, ``z_m``, as ``settled.csv`` of Kratos, Yade and peclet-dem has them, are in metres.
 
     Parameters
     ----------
     path : Path
     names : sequence of str
         Of the avatars.
+    metres : float
+        Of the unit that places in metres are turned into.
 
     Raises
     ------
@@ -103,6 +106,9 @@ def read_poses(path: Path, names: Sequence[str]) -> Poses:
     except (OSError, PlainFileError) as error:
         raise PackingError(f"{path} cannot be read: {error}") from error
     header = [word.strip() for word in lines[0].split(",")] if lines else []
+    in_metres = "x" not in header and {"x_m", "y_m", "z_m"} <= set(header)
+    if in_metres:
+        header = [{"x_m": "x", "y_m": "y", "z_m": "z"}.get(word, word) for word in header]
     missing = [name for name in COLUMNS if name not in header and name != "scale"]
     if missing:
         raise PackingError(f"{path} has no column '{missing[0]}': a table of poses has {', '.join(COLUMNS)}.")
@@ -126,4 +132,5 @@ def read_poses(path: Path, names: Sequence[str]) -> Poses:
         raise PackingError(
             f"{path} has no grains, or numbers that are not finite, or a scale that is not positive."
         )
-    return Poses(np.array(kinds), table[:, 0], table[:, 1:4], require_rotations(table[:, 4:], str(path)))
+    places = table[:, 1:4] / metres if in_metres else table[:, 1:4]
+    return Poses(np.array(kinds), table[:, 0], places, require_rotations(table[:, 4:], str(path)))

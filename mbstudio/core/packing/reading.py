@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from mbstudio.core.dem.manifest import FILE_NAME, read_manifest
 from mbstudio.core.errors import PackingError
 from mbstudio.core.metaball.avatar import Avatar
-from mbstudio.core.packing.dumps import find_poses, is_dump, read_last_frame
+from mbstudio.core.packing.dumps import Frame, find_grains, find_poses, is_dump, read_last_frame
 from mbstudio.core.packing.grain_kinds import GrainKinds, Progress, prepare_kinds
 from mbstudio.core.packing.mould import Mould
 from mbstudio.core.packing.packing import Packing
@@ -40,12 +41,15 @@ def read_packing(
     Parameters
     ----------
     path : path
-        A dump of LAMMPS (``id x y z`` of every sphere) of a specimen that mbstudio exported, or a CSV table
-        of poses: ``avatar, x, y, z, qw, qx, qy, qz`` and maybe ``scale``.
+        A dump of LAMMPS or LIGGGHTS of grains that mbstudio exported (``id mol x y z radius`` of every
+        sphere, as its decks write it; ``id x y z`` is enough for a specimen in LAMMPS), or a CSV table of
+        poses: ``avatar, x, y, z, qw, qx, qy, qz`` and maybe ``scale``; ``settled.csv`` of Kratos, Yade and
+        peclet-dem is one, in metres (``x_m``).
     avatars : sequence of Avatar
         Those that were exported, in the same order.
     specimen : path, optional
-        ``specimen.csv`` of the export, with its manifest beside it; needed for a dump.
+        ``specimen.csv`` of the export, with its manifest beside it; needed for a dump that does not lie
+        beside its manifest or does not tell ``mol`` and ``radius``.
     names : sequence of str, optional
         Of the avatars in the table; by default as the export names them.
     mould : str
@@ -66,6 +70,8 @@ def read_packing(
     path = Path(path)
     table = Path(specimen) if specimen is not None else None
     manifest = _manifest_beside(table) if table is not None else None
+    if manifest is None and is_dump(path) and (path.parent / FILE_NAME).is_file():
+        manifest = read_manifest(path.parent)
     unit = avatars[0].unit if manifest is None else str(manifest["unit"])
     if manifest is not None:
         kinds = prepare_kinds(
@@ -74,14 +80,20 @@ def read_packing(
     else:
         kinds = prepare_kinds(avatars, names, spheres=spheres, unit=unit, progress=progress)
     if is_dump(path):
-        if table is None or manifest is None:
+        if manifest is None:
             raise PackingError(
                 f"{path} is a dump of spheres: name the specimen.csv of its export (specimen)."
             )
-        poses, step = _poses_of_dump(path, kinds, read_poses(table, kinds.names))
-        history: dict[str, Any] = {"read_from": str(path), "engine": "LAMMPS", "steps": step}
+        frame = read_last_frame(path)
+        poses = _poses_of_dump(path, frame, kinds, table)
+        engine = {"lammps": "LAMMPS", "liggghts": "LIGGGHTS"}.get(str(manifest["target"]), "")
+        history: dict[str, Any] = {"read_from": str(path), "engine": engine, "steps": frame.step}
+        if "specimen" not in manifest or path.name.startswith("settled."):
+            width = 2 * frame.half / METRES_PER_UNIT[kinds.unit] if width is None else width
+            manifest = None
     else:
-        poses, history = read_poses(path, kinds.names), {"read_from": str(path)}
+        poses = read_poses(path, kinds.names, METRES_PER_UNIT[kinds.unit])
+        history = {"read_from": str(path)}
     made = Packing(kinds, poses, _mould_of(kinds, poses, manifest, mould, width), history=history)
     return replace(made, gap=gap * made.mean_diameter)
 
@@ -100,15 +112,26 @@ def _spheres_of(manifest: Mapping[str, Any], count: int) -> list[int]:
     return [int(item["details"].get("spheres", 20)) for item in items]
 
 
-def _poses_of_dump(path: Path, kinds: GrainKinds, start: Poses) -> tuple[Poses, int]:
-    frame = read_last_frame(path)
+def _poses_of_dump(path: Path, frame: Frame, kinds: GrainKinds, table: Path | None) -> Poses:
+    """Return the poses of a dump by what it tells of every sphere, or by the specimen that it began with."""
     metres = METRES_PER_UNIT[kinds.unit]  # decks are in SI units
-    clumps = [clump.centers * metres for clump in kinds.clumps]
-    places, turns = find_poses(frame, clumps, start.kinds, start.scales, _TOLERANCE, str(path))
+    if frame.owners is not None or table is None:
+        clumps = [np.column_stack([clump.centers, clump.radii]) * metres for clump in kinds.clumps]
+        found = find_grains(frame, clumps, _TOLERANCE, str(path))
+        if table is not None and len(found.kinds) != len(start := read_poses(table, kinds.names)):
+            raise PackingError(f"{path} has {len(found.kinds)} grains, the specimen {len(start)}.")
+        return Poses(found.kinds, found.scales, found.positions / metres, _quaternions(found.rotations))
+    start = read_poses(table, kinds.names)
+    centers = [clump.centers * metres for clump in kinds.clumps]
+    places, turns = find_poses(frame, centers, start.kinds, start.scales, _TOLERANCE, str(path))
+    return Poses(start.kinds, start.scales, places / metres, _quaternions(turns))
+
+
+def _quaternions(turns: Float[np.ndarray, "count 3 3"]) -> Float[np.ndarray, "count 4"]:
     from scipy.spatial.transform import Rotation
 
-    quaternions = Rotation.from_matrix(turns).as_quat()[:, [3, 0, 1, 2]]
-    return Poses(start.kinds, start.scales, places / metres, quaternions), frame.step
+    quaternions: np.ndarray = Rotation.from_matrix(turns).as_quat()[:, [3, 0, 1, 2]]
+    return quaternions
 
 
 def _mould_of(

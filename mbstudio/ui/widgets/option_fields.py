@@ -27,6 +27,7 @@ _TITLES = {
     "epsilon": mark("Epsilon"),
     "error": mark("Error at most"),
     "generations": mark("Generations"),
+    "hours": mark("Hours of the example, at most"),
     "hull": mark("Hull"),
     "hull_points": mark("Hull points"),
     "learning_rate": mark("Learning rate"),

@@ -16,6 +16,7 @@ from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.shapes.clump import Clump, sphere_clump
 from mbstudio.core.dem.shapes.clump_goal import ClumpGoal, clump_for_target
 from mbstudio.core.dem.shapes.many_clumps import fit_ahead
+from mbstudio.core.dem.specimen.deck_cost import HOURS
 from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
 from mbstudio.core.formulas import nominal_diameter
@@ -34,6 +35,7 @@ OPTIONS = MappingProxyType(
     }
 )
 WITH_DECK: Mapping[str, Option] = MappingProxyType({**OPTIONS, "poured": POURED})
+WITH_TIMED_DECK: Mapping[str, Option] = MappingProxyType({**WITH_DECK, "hours": HOURS})
 
 
 def fitted_clumps(job: Job) -> list[Clump]:

@@ -24,7 +24,7 @@ def constants(plan: Pouring) -> str:
         f"const double DENSITY = {plan.density:.9g};\n"
         f"const double GRAVITY = {plan.gravity:.9g};\n"
         f"const double STIFFNESS = {plan.contact.stiffness:.6g};  // N/m\n"
-        f"const double STEP = {plan.contact.step:.6g};  // s, a 60th of the shortest contact\n"
+        f"const double STEP = {plan.contact.step:.6g};  // s, a 30th of the shortest contact\n"
         f"const double SECONDS = {plan.seconds:.6g};\n"
         f"const double HALF = {plan.stack.half:.9g}, TOP = {plan.stack.top:.9g};\n"
     )

@@ -94,7 +94,7 @@ Lengths in the tables of spheres and of the box are in {job.unit}; all else says
 4. Physics. Hertz-Mindlin (no slip). Gravity along -z, in {job.unit}/s2:
    GRAVITY = {plan.gravity:.9g}
 
-5. Simulation. Fixed time step, a 60th of the shortest contact, and the time until rest, both in s:
+5. Simulation. Fixed time step, a 30th of the shortest contact, and the time until rest, both in s:
    STEP = {plan.contact.step:.6g}
    SECONDS = {plan.seconds:.6g}
 """

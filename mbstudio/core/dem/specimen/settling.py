@@ -16,7 +16,8 @@ from mbstudio.core.units import METRES_PER_UNIT
 
 GRAVITY = 9.81
 POISSON = 0.3
-_OVERLAP, _HEAVIEST = 0.05, 3.0
+_OVERLAP, _HEAVIEST = 0.1, 1.5
+STEPS_A_CONTACT = 30
 
 
 @dataclass(frozen=True)
@@ -154,25 +155,30 @@ class SpringContact:
     Attributes
     ----------
     stiffness : float
-        N/m, such that a particle of mean mass that falls from the top of the box overlaps by a twentieth of
-        its reach, or by its smallest sphere; the heaviest one by at most three times that share of its own.
+        N/m, such that a particle of mean mass that falls from the top of the box overlaps by a tenth of its
+        reach, or by its smallest sphere; the heaviest one by at most one and a half times that share of its
+        own.
     damping : float
         1/s, times the effective mass.
     step : float
-        Time step in s: a 60th of the shortest contact.
+        Time step in s: a 30th of the shortest contact, of two particles of least mass.
+    impact : float
+        Overlap of the heaviest particle that falls from the top onto a wall, in m, without damping.
     """
 
     stiffness: float
     damping: float
     step: float
+    impact: float
 
 
 def spring_contact(box: SettlingBox) -> SpringContact:
     """Return a contact law for particles that fall from the top of a box, restitution about 0.3.
 
-    A contact as stiff as the heaviest particle would need at a fraction of the smallest sphere takes ten
-    times the steps for the same packing: at rest 192 clumps overlapped by less than a ten-thousandth of their
-    length (LAMMPS).
+    At rest overlaps are far smaller than in the fall, which lasts a moment: with a tenth of the reach in the
+    fall, below a layer that is a third of the box high they are about a thousandth of it. A contact as stiff
+    as the heaviest particle would need at a fraction of the smallest sphere takes ten times the steps for the
+    same packing.
     """
     share = min(_OVERLAP, box.finest)
     mean_reach = box.reach * np.cbrt(box.mean / box.heaviest)
@@ -181,4 +187,6 @@ def spring_contact(box: SettlingBox) -> SpringContact:
     frequency = np.sqrt(stiffness / (box.lightest / 2))
     # e = exp(-pi z / sqrt(1 - z**2)) is 0.3 at z = 0.358, here for two particles of mean mass.
     damping = 2 * 0.358 * np.sqrt(stiffness / (box.mean / 2))
-    return SpringContact(float(stiffness), float(damping), float(f"{np.pi / frequency / 60:.3g}"))
+    step = float(f"{np.pi / frequency / STEPS_A_CONTACT:.3g}")
+    impact = float(np.sqrt(2 * GRAVITY * box.top * box.heaviest / stiffness))
+    return SpringContact(float(stiffness), float(damping), step, impact)

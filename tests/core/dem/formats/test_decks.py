@@ -77,12 +77,12 @@ def test_density_and_gravity_are_in_the_units_of_the_files(target, exported):
 
 
 @pytest.mark.parametrize("target", [name for name in DECKS if name != "pfc"])
-def test_the_step_is_a_60th_of_the_shortest_contact(target, exported, masses):
+def test_the_step_is_a_30th_of_the_shortest_contact(target, exported, masses):
     """Two of the lightest grains on a spring: half a period is pi sqrt(m / 2 k). PFC finds its own step."""
     text = deck_of(exported, target)
     lightest = min(mass.mass for mass in masses)
     contact = np.pi * np.sqrt(lightest / (2 * stated(text, "STIFFNESS")))
-    assert contact / stated(text, "STEP") == pytest.approx(60, rel=0.01)
+    assert contact / stated(text, "STEP") == pytest.approx(30, rel=0.01)
 
 
 def test_pfc_replicates_the_kinds_in_turn_apart_from_each_other(exported):

@@ -13,6 +13,7 @@ import pytest
 
 from mbstudio.core.dem import export
 from mbstudio.core.metrics import mass_properties
+from mbstudio.core.packing.reading import read_packing
 from tests.core.dem.corruption import assert_refused
 
 # Reads the case as Kratos does and tells what it made of every cluster; one falls freely for a while.
@@ -90,10 +91,17 @@ def test_ten_clusters_settle_and_none_is_lost(avatars, kratos, tmp_path):
     assert rows[-1, 2] < 0.02 * rows[:, 2].max()
     settled = np.genfromtxt(out / "settled.csv", delimiter=",", names=True)
     assert list(settled["number"]) == list(range(1, 11))
-    assert list(settled["kind"]) == [1 + number % 3 for number in range(10)]
+    names = np.genfromtxt(out / "settled.csv", delimiter=",", names=True, dtype=None, encoding="ascii")
+    assert list(names["avatar"]) == [f"grain_{1 + number % 3}" for number in range(10)]
     turns = np.stack([settled[name] for name in ("qw", "qx", "qy", "qz")], axis=1)
     assert np.linalg.norm(turns, axis=1) == pytest.approx(1, abs=1e-6)
     assert settled["z_m"].min() > 0
+    summary = printed.splitlines()[-1]
+    assert summary.startswith("SETTLED 10 grains, porosity 0.")
+    back = read_packing(out / "settled.csv", avatars, spheres=6)
+    assert back.poses.positions[:, 2] == pytest.approx(settled["z_m"] * 1000)
+    told = float(re.search(r"overlap (\S+) m", summary)[1])
+    assert back.overlap * back.mean_diameter == pytest.approx(told * 1000, rel=0.05)
 
 
 def test_a_run_that_goes_wrong_says_so_and_fails(avatars, kratos, tmp_path):
@@ -102,6 +110,7 @@ def test_a_run_that_goes_wrong_says_so_and_fails(avatars, kratos, tmp_path):
     export(avatars, "kratos", out, density=2650, spheres=6, poured=10)
     parameters = json.loads((out / "ProjectParametersDEM.json").read_text())
     parameters["MaxTimeStep"] *= 25
+    parameters["NeighbourSearchFrequency"] = 20
     (out / "ProjectParametersDEM.json").write_text(json.dumps(parameters))
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     environment.pop("PYTHONPATH", None)
@@ -115,7 +124,8 @@ def test_a_run_that_goes_wrong_says_so_and_fails(avatars, kratos, tmp_path):
         env=environment,
     )
     assert done.returncode != 0
-    assert "lost" in done.stderr or "more energy" in done.stderr
+    assert re.search("are lost|more energy|overlap by", done.stderr)
+    assert "SETTLED" not in done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -197,6 +207,12 @@ CASE = {
         "not a box",
     ),
     "another script": ("settle.py", lambda t: t.replace("% 250", "% 25"), "not the script"),
+    "other names in the script": ("settle.py", lambda t: t.replace("'grain_1'", "'b'"), "does not name"),
+    "neighbours looked for too seldom": (
+        "ProjectParametersDEM.json",
+        lambda t: t.replace('"NeighbourSearchFrequency": 10', '"NeighbourSearchFrequency": 20'),
+        "through each other",
+    ),
 }
 
 

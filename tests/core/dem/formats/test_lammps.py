@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from mbstudio.core.dem import export
 from mbstudio.core.dem.shapes.point_masses import balanced_masses
+from mbstudio.core.errors import ExportError
 from mbstudio.core.metrics import mass_properties
+from mbstudio.core.packing.reading import read_packing
 from tests.core.dem.corruption import assert_refused
 
 
@@ -135,18 +137,65 @@ def test_a_turned_molecule_pins_the_order_of_the_tensor(lammps, exported, tmp_pa
 def test_ten_molecules_settle_and_none_is_lost(avatars, lammps, tmp_path):
     out = tmp_path / "out"
     export(avatars, "lammps", out, density=2650, spheres=8, poured=10)
-    rows = thermo_rows(run_deck(lammps, out))
+    log = run_deck(lammps, out)
+    rows = thermo_rows(log)
     atoms, energy, highest = rows[:, 1], rows[:, 2] + rows[:, 3], rows[:, 4]
     assert atoms[-1] == atoms.max() == 10 * 8
     assert energy[-1] < 0.02 * energy.max()
     assert highest[-1] < 0.35 * highest.max()
+    told = re.search(r"^SETTLED 10 grains, porosity (\S+), height \S+ m, \S+ .* overlap (\S+) m", log, re.M)
+    assert 0 < float(told[1]) < 1
+    assert {"settled.data", "settled.restart", "settled.moving.lammpstrj"} <= {f.name for f in out.iterdir()}
+    back = read_packing(out / "settled.lammpstrj", avatars)
+    assert len(back) == 10
+    assert back.poses.scales == pytest.approx(np.ones(10))
+    # What the deck calls the overlap of grains is the force over the stiffness, which damping adds to.
+    assert back.unit == "m"
+    assert back.overlap * back.mean_diameter == pytest.approx(float(told[2]), rel=0.3)
+
+
+WRONG = {
+    "too long a step": (r"^timestep (\S+)", lambda m: f"timestep {60 * float(m[1]):.6e}"),
+    "too soft": (
+        r"hooke/history (\S+) (\S+)",
+        lambda m: f"hooke/history {float(m[1]) / 300:.6e} {float(m[2]) / 300:.6e}",
+    ),
+    "grains lost": (r"^(run \d+)$", r"run 4000\ndelete_atoms random 0.2 yes all NULL 4\n\1"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_run_that_goes_wrong_ends_with_an_error(kind, avatars, lammps, tmp_path):
+    out = tmp_path / "out"
+    export(avatars, "lammps", out, density=2650, spheres=8, poured=10)
+    deck = out / "in.settle"
+    deck.write_text(re.sub(WRONG[kind][0], WRONG[kind][1], deck.read_text(), flags=re.MULTILINE))
+    done = subprocess.run(
+        [lammps, "-in", deck.name], cwd=out, capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode != 0
+    assert "ERROR" in done.stdout
 
 
 def test_the_deck_takes_no_more_steps_than_its_packing_needs(avatars, tmp_path):
     """Stiff for the mean grain: for the heaviest on the smallest sphere it took ten times as many."""
-    export(avatars, "lammps", tmp_path / "out", density=2650, spheres=20, poured=192)
-    steps = int(re.search(r"^run (\d+)", (tmp_path / "out" / "in.settle").read_text(), re.MULTILINE)[1])
-    assert steps < 250_000
+    report = export(avatars, "lammps", tmp_path / "out", density=2650, spheres=20, poured=192)
+    text = (tmp_path / "out" / "in.settle").read_text()
+    steps = int(re.search(r"^run (\d+)", text, re.MULTILINE)[1])
+    assert steps < 60_000
+    assert f"# It takes {steps:,} steps of " in text
+    assert report.runs["in.settle"]["steps"] == steps
+    assert report.runs["in.settle"]["hours"] == pytest.approx(steps * 192 * 20 * 1.5e-7 / 3600)
+
+
+def test_a_deck_that_would_run_for_weeks_is_refused_unless_asked_for(avatars, tmp_path):
+    """Sizes over a hundred: the smallest grain sets the step, the largest the stiffness."""
+    mixed = [avatars[0], avatars[1].scaled(100.0)]
+    with pytest.raises(ExportError, match=r"in\.settle would take [\d,]+ steps .* as the smallest"):
+        export(mixed, "lammps", tmp_path / "out", density=2650, spheres=20, poured=2000)
+    assert not (tmp_path / "out").exists()
+    report = export(mixed, "lammps", tmp_path / "out", density=2650, spheres=20, poured=2000, hours=1e6)
+    assert report.runs["in.settle"]["hours"] > 24
 
 
 def test_the_molecule_is_written_as_the_engine_wants_it(avatar, tmp_path):

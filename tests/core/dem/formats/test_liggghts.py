@@ -15,6 +15,8 @@ from mbstudio.core.dem.formats.liggghts.deck import prime_above
 from mbstudio.core.dem.formats.liggghts.target import read_spheres
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metrics import mass_properties
+from mbstudio.core.packing.reading import read_packing
+from mbstudio.core.units import METRES_PER_UNIT
 
 NUMBER = r"([-+0-9.eE]+)"
 
@@ -36,6 +38,12 @@ def logged_templates(log: str) -> list[tuple[float, np.ndarray]]:
     return [(mass, np.sort(np.array(row, dtype=float))) for mass, row in zip(masses, moments, strict=True)]
 
 
+def thermo_rows(log: str) -> np.ndarray:
+    """Return the numbers that a run printed, a row for each part."""
+    lines = [line.split() for line in log.splitlines() if re.fullmatch(r"(\s+[-+0-9.eE]+){8,9}\s*", line)]
+    return np.array(lines, dtype=float)
+
+
 @pytest.mark.parametrize("unit", ["m", "mm", "um"])
 def test_ten_clumps_settle_with_our_mass_and_inertia_and_none_is_lost(unit, avatars, liggghts, tmp_path):
     out = tmp_path / "out"
@@ -49,14 +57,40 @@ def test_ten_clumps_settle_with_our_mass_and_inertia_and_none_is_lost(unit, avat
         assert moments / expected.principal == pytest.approx(1, rel=0.005)
         assert item["mass"] == pytest.approx(expected.mass, rel=1e-6)
     assert "inserted 10 particle templates" in log
-    rows = [line.split() for line in log.splitlines() if re.fullmatch(rf"\s+\d+\s+\d+\s+{NUMBER}\s*", line)]
-    atoms = [int(row[1]) for row in rows]
-    energy = np.array([float(row[2]) for row in rows])
+    rows = thermo_rows(log)
+    atoms, energy = rows[:, 1].tolist(), rows[:, 2] + rows[:, 3]
     assert atoms[-1] == max(atoms) == 10 * 12
     assert len(rows) > 10
     # They fall, hit the floor, and come to rest.
     assert energy.max() > 0
     assert energy[-1] < 0.02 * energy.max()
+    told = re.search(r"^SETTLED 10 grains, porosity (\S+), height \S+ m, \S+ .* overlap (\S+) m", log, re.M)
+    assert 0 < float(told[1]) < 1
+    assert (out / "settled.restart").stat().st_size > 0
+    back = read_packing(out / "settled.dump", avatars)
+    assert len(back) == 10
+    assert back.poses.scales == pytest.approx(np.ones(10), rel=1e-6)
+    overlap = back.overlap * back.mean_diameter * METRES_PER_UNIT[back.unit]
+    assert overlap == pytest.approx(float(told[2]), rel=0.02, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "message"),
+    [
+        (r"^timestep (\S+)", lambda m: f"timestep {40 * float(m[1]):.6e}", "ERROR"),
+        (r"particles_in_region 10", "particles_in_region 9", "grains_are_lost_or_were_not_inserted"),
+    ],
+)
+def test_a_run_that_goes_wrong_ends_with_an_error(pattern, replacement, message, avatars, liggghts, tmp_path):
+    out = tmp_path / "out"
+    export(avatars, "liggghts", out, density=2650, unit="mm", spheres=12, poured=10)
+    deck = out / "in.settle"
+    deck.write_text(re.sub(pattern, replacement, deck.read_text(), flags=re.MULTILINE))
+    done = subprocess.run(
+        [liggghts, "-in", deck.name], cwd=out, capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode != 0
+    assert message in done.stdout + done.stderr
 
 
 def _template_line(folder: Path, name: str) -> str:

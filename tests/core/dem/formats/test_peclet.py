@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -13,6 +15,7 @@ import pytest
 from mbstudio.core.dem import export, validate
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metrics import mass_properties
+from mbstudio.core.packing.reading import read_packing
 from tests.core.dem.corruption import assert_arrays_refused, assert_refused
 
 FAST = {"cells": 16, "shell": 10}
@@ -66,13 +69,32 @@ def test_mass_and_moments_are_ours_and_nothing_turns_while_it_falls(avatars, pec
     assert found["spin"] < 1e-9
 
 
-def test_ten_grains_settle_and_none_is_lost(peclet, three):
+def test_ten_grains_settle_and_none_is_lost(avatars, peclet, three):
     printed = run(peclet, three, "settle.py")
     rows = np.array([line.split()[1:] for line in printed.splitlines() if line.startswith("SETTLING")], float)
     assert len(rows) == 20
     assert (rows[:, 0] == 10).all()
     assert rows[-1, 1] < 0.05 * rows[:, 1].max()
     assert rows[-1, 2] < 0.5 * rows[0, 2]
+    assert printed.splitlines()[-1].startswith("SETTLED 10 grains, porosity 0.")
+    back = read_packing(three / "settled.csv", avatars)
+    assert back.poses.positions[:, 2].mean() < 0.5 * rows[0, 2]
+    assert back.poses.positions[:, 2].max() == pytest.approx(rows[-1, 2], rel=1e-5)
+
+
+def test_a_run_that_goes_wrong_ends_with_an_error(peclet, three, tmp_path):
+    """Grains that begin within each other lie deeper than a cell of their grids."""
+    text = (three / "settle.py").read_text()
+    begin, end = text.index("POSITIONS = "), text.index("QUATERNIONS = ")
+    places = "POSITIONS = np.tile([0.0, 0.0, 3.0], (10, 1)) + 0.1 * np.arange(10)[:, None]\n"
+    wrong = text[:begin] + places + text[end:]
+    folder = Path(shutil.copytree(three, tmp_path / "out"))
+    (folder / "settle.py").write_text(re.sub(r"STEPS = (\S+), \d+", r"STEPS = \1, 20", wrong))
+    done = subprocess.run(
+        [peclet, "settle.py"], cwd=folder, capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode != 0
+    assert re.search("are lost|overlap by|more energy", done.stderr)
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ _SCRIPT = '''"""Let the grains fall into a box. On a machine with a CUDA device,
 
 from load_clumps import load
 
-# SI units. STIFFNESS is what YOUNG means for the smallest sphere; STEP is a 60th of the shortest contact.
+# SI units. STIFFNESS is what YOUNG means for the smallest sphere; STEP is a 30th of the shortest contact.
 DENSITY = {density:.9g}
 GRAVITY = {gravity:.9g}
 STIFFNESS = {stiffness:.6g}

@@ -11,10 +11,20 @@ import numpy as np
 from jaxtyping import Float
 
 from mbstudio.core.dem.body import DemBody
+from mbstudio.core.dem.formats.kratos.script import check_script, script_text
 from mbstudio.core.dem.reading_back import number_rows, read_text, require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
+from mbstudio.core.dem.specimen.deck_cost import DeckCost, bounds_of, require_affordable
 from mbstudio.core.dem.specimen.pouring import check_count
-from mbstudio.core.dem.specimen.settling import GRAVITY, POISSON, Stack, stacked_grains
+from mbstudio.core.dem.specimen.settling import (
+    GRAVITY,
+    POISSON,
+    SettlingBox,
+    Stack,
+    finest_sphere,
+    stacked_grains,
+)
+from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
 
 MATERIALS_NAME = "MaterialsDEM.json"
@@ -28,95 +38,50 @@ CASE_FILES = (
     "settleDEM_FEM_boundary.mdpa",
 )
 _CLUSTERS, _BOX = CASE_FILES[3:]
+_SEARCH_EVERY = 10
 _LAW = "DEM_D_Hertz_viscous_Coulomb"
 
-SCRIPT = '''"""Let the clusters fall. Run within this folder: python settle.py
 
-Writes settled.csv: where every cluster came to rest and how it is turned (SI units, quaternion w x y z).
-Ends with an error if a cluster is lost, or if more energy is there than there was to fall.
-"""
+def write_case(job: Job, clumps: Sequence[Clump], poured: int) -> Mapping[str, Any]:
+    """Write a case in SI units that runs as it is, from within its folder (Kratos 10); return what it costs.
 
-import csv
-import sys
-
-import KratosMultiphysics
-import KratosMultiphysics.DEMApplication as dem
-from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
-
-GRAVITY = 9.81
-
-
-class Settling(DEMAnalysisStage):
-    """Prints number and kinetic energy of the clusters now and then, and watches both."""
-
-    def Initialize(self):
-        super().Initialize()
-        self.count = len(self.cluster_model_part.Nodes)
-        self.energy_at_first = self.energies()[1]
-
-    def energies(self):
-        """Return the kinetic energy (translation) and the potential one, in J."""
-        kinetic = potential = 0.0
-        for node in self.cluster_model_part.Nodes:
-            velocity = node.GetSolutionStepValue(KratosMultiphysics.VELOCITY)
-            mass = node.GetSolutionStepValue(KratosMultiphysics.NODAL_MASS)
-            kinetic += 0.5 * mass * sum(v * v for v in velocity)
-            potential += mass * GRAVITY * node.Z
-        return kinetic, potential
-
-    def OutputSolutionStep(self):
-        super().OutputSolutionStep()
-        process = self.spheres_model_part.ProcessInfo
-        if process[KratosMultiphysics.TIME_STEPS] % 250:
-            return
-        there = len(self.cluster_model_part.Nodes)
-        kinetic, potential = self.energies()
-        print("SETTLING", process[KratosMultiphysics.TIME], there, kinetic, flush=True)
-        if there != self.count:
-            sys.exit(f"{self.count - there} of {self.count} clusters are lost.")
-        if kinetic + potential > 1.05 * self.energy_at_first:
-            sys.exit("There is more energy than there was to fall: the time step is too long.")
-
-    def Finalize(self):
-        kinetic, _ = self.energies()
-        with open("settled.csv", "w", newline="") as stream:
-            rows = csv.writer(stream)
-            rows.writerow(["number", "kind", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"])
-            for number, element in enumerate(self.cluster_model_part.Elements, start=1):
-                node = element.GetNodes()[0]
-                turn = node.GetSolutionStepValue(KratosMultiphysics.ORIENTATION)
-                turned = [turn.W, turn.X, turn.Y, turn.Z]
-                rows.writerow([number, element.Properties.Id, node.X, node.Y, node.Z, *turned])
-        print(f"{len(self.cluster_model_part.Nodes)} of {self.count} clusters settled, {kinetic:.3g} J left.")
-        super().Finalize()
-
-
-if __name__ == "__main__":
-    KratosMultiphysics.Logger.GetDefaultOutput().SetSeverity(KratosMultiphysics.Logger.Severity.WARNING)
-    with open("ProjectParametersDEM.json") as stream:
-        parameters = KratosMultiphysics.Parameters(stream.read())
-    Settling(KratosMultiphysics.Model(), parameters).Run()
-'''
-
-
-def write_case(folder: Path, bodies: Sequence[DemBody], clumps: Sequence[Clump], poured: int) -> None:
-    """Write a case in SI units that runs as it is, from within its folder (Kratos 10)."""
+    Raises
+    ------
+    ExportError
+        If it would take longer than the export allows.
+    """
+    bodies, folder = job.bodies, job.folder
     sizes = [2 * float((np.linalg.norm(c.centers, axis=1) + c.radii).max()) for c in clumps]
     stack = stacked_grains(poured, len(bodies), max(sizes) / 2)
-    materials, step = _materials(bodies, clumps, stack.top)
+    kinds = np.arange(len(stack.places)) % len(bodies)
+    masses = np.array([body.mass.mass for body in bodies])
+    box = SettlingBox(
+        len(kinds), max(sizes) / 2, min(float(c.radii.min()) for c in clumps),
+        float(masses.max()), float(masses[kinds].mean()), float(masses.min()), finest_sphere(clumps),
+        stack.half, 0.0, stack.top,
+    )  # fmt: skip
+    materials, step, impact = _materials(bodies, clumps, stack.top)
     seconds = 4.0 * float(np.sqrt(2 * stack.top / GRAVITY))
+    spheres = sum(len(clumps[int(kind)].radii) for kind in kinds)
+    cost = DeckCost("Kratos", int(np.ceil(seconds / step)), step, spheres)
+    require_affordable(job, SCRIPT_NAME, cost, box)
+    density = bodies[0].mass.density
+    solid = float(masses[kinds].sum() / density)
     parameters = _parameters(stack.half, stack.top, step, seconds)
     for name, content in ((MATERIALS_NAME, materials), (PARAMETERS_NAME, parameters)):
         (folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="ascii")
-    (folder / SCRIPT_NAME).write_text(SCRIPT, encoding="ascii")
+    bounds = bounds_of(box, impact, density)
+    script = script_text([body.name for body in bodies], stack.half, solid, bounds, cost)
+    (folder / SCRIPT_NAME).write_text(script, encoding="ascii")
     (folder / CASE_FILES[3]).write_text(_clusters(stack, sizes), encoding="ascii")
     (folder / CASE_FILES[4]).write_text(_box(stack.half, stack.top), encoding="ascii")
+    return cost.record()
 
 
 def _materials(
     bodies: Sequence[DemBody], clumps: Sequence[Clump], top: float
-) -> tuple[dict[str, Any], float]:
-    """Return one material a cluster and one for the walls, and the time step.
+) -> tuple[dict[str, Any], float, float]:
+    """Return one material a cluster and one for the walls, the time step, and the hardest fall's overlap.
 
     Young's modulus is such that the fall overlaps by a fifth of the smallest sphere (Hertz), the step a
     30th of that contact.
@@ -163,14 +128,21 @@ def _materials(
         for i, j in pairs
     ]
     table = [[f"ClusterPart.kind{number}", names[number]] for number in range(1, walls)]
-    return {
-        "materials": [*materials, wall],
-        "material_relations": relations,
-        "material_assignation_table": [*table, ["RigidFacePart", "walls"]],
-    }, step
+    return (
+        {
+            "materials": [*materials, wall],
+            "material_relations": relations,
+            "material_assignation_table": [*table, ["RigidFacePart", "walls"]],
+        },
+        step,
+        overlap,
+    )
 
 
 def _parameters(half: float, top: float, step: float, seconds: float) -> dict[str, Any]:
+    # What comes together between two searches goes through each other: neighbours are looked for
+    # as far as two grains at full speed come nearer until the next search, half as far again for their spin.
+    nearing = 2 * float(np.sqrt(2 * GRAVITY * top)) * step * _SEARCH_EVERY
     return {
         "problem_name": "settle",
         "Dimension": 3,
@@ -194,7 +166,10 @@ def _parameters(half: float, top: float, step: float, seconds: float) -> dict[st
         "RotationalIntegrationScheme": "Direct_Integration",
         "MaxTimeStep": step,
         "FinalTime": seconds,
-        "NeighbourSearchFrequency": 1,  # what comes together between two searches goes through each other
+        "NeighbourSearchFrequency": _SEARCH_EVERY,
+        "DeltaOption": "Absolute",
+        "SearchTolerance": 1.5 * nearing,
+        "search_tolerance_against_walls": 1.5 * nearing,
         "do_print_results_option": False,
         "GraphExportFreq": 2 * seconds,
         "VelTrapGraphExportFreq": 2 * seconds,
@@ -271,8 +246,7 @@ def check_case(folder: Path, manifest: Mapping[str, Any]) -> None:
     corners, faces = _block(path, text, "Nodes", 4), _block(path, text, "Conditions RigidFace3D3N", 5)
     if len(corners) != 8 or len(faces) != 10:
         raise ExportError(f"{path} is not a box with a floor and four walls.")
-    if read_text(folder / SCRIPT_NAME) != SCRIPT:
-        raise ExportError(f"{folder / SCRIPT_NAME} is not the script that mbstudio writes: export again.")
+    check_script(folder / SCRIPT_NAME, [item["name"] for item in manifest["items"]])
 
 
 def _json(path: Path) -> Any:
@@ -305,6 +279,8 @@ def _check_parameters(path: Path) -> None:
     content = _json(path)
     try:
         gravity, step, end = (float(content[name]) for name in ("GravityZ", "MaxTimeStep", "FinalTime"))
+        every, reach = int(content["NeighbourSearchFrequency"]), float(content["SearchTolerance"])
+        fall = float(content["BoundingBoxMaxZ"]) / 2
         materials = content["solver_settings"]["material_import_settings"]["materials_filename"]
     except (KeyError, TypeError, ValueError) as error:
         raise ExportError(f"{path} has a missing or invalid entry {error}.") from error
@@ -312,6 +288,11 @@ def _check_parameters(path: Path) -> None:
     require_agreement(path, "'materials_filename'", [str(materials)], [MATERIALS_NAME])
     if not 0 < step < end:
         raise ExportError(f"{path} has a time step of {step:g} s for {end:g} s.")
+    if every > 1 and reach < 2 * np.sqrt(2 * GRAVITY * fall) * step * every:
+        raise ExportError(
+            f"{path} looks for neighbours every {every} steps and only {reach:g} m around: "
+            "grains would go through each other between two searches."
+        )
 
 
 def _check_clusters(path: Path, manifest: Mapping[str, Any]) -> None:

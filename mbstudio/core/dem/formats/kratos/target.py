@@ -15,12 +15,12 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.formats.clump_files import (
-    WITH_DECK,
+    WITH_TIMED_DECK,
     check_spheres,
     describe_clumps,
     fitted_clumps,
 )
-from mbstudio.core.dem.formats.kratos.case import CASE_FILES, check_case, write_case
+from mbstudio.core.dem.formats.kratos.case import CASE_FILES, SCRIPT_NAME, check_case, write_case
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import agrees, number_rows, read_text, require_agreement
 from mbstudio.core.dem.shapes.clump import Clump
@@ -36,9 +36,9 @@ def write(job: Job) -> Written:
     clumps = fitted_clumps(job)
     for body, clump in zip(job.bodies, clumps, strict=True):
         (job.folder / f"{body.name}.clu").write_text(cluster_text(body, clump), encoding="ascii")
-    write_case(job.folder, job.bodies, clumps, int(job.options["poured"]))
+    runs = {SCRIPT_NAME: write_case(job, clumps, int(job.options["poured"]))}
     details = describe_clumps(clumps, job.bodies)
-    return Written([(f"{body.name}.clu",) for body in job.bodies], details, CASE_FILES)
+    return Written([(f"{body.name}.clu",) for body in job.bodies], details, CASE_FILES, runs)
 
 
 def cluster_size(clump: Clump) -> float:
@@ -131,6 +131,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=WITH_DECK,
+    options=WITH_TIMED_DECK,
     units=("m",),
 )

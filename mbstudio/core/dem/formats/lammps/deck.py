@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.shapes.clump import Clump
+from mbstudio.core.dem.specimen.deck_cost import DeckCost, bounds_of, require_affordable
 from mbstudio.core.dem.specimen.settling import (
     GRAVITY,
     SettlingBox,
@@ -15,24 +16,33 @@ from mbstudio.core.dem.specimen.settling import (
     settling_box,
     spring_contact,
 )
+from mbstudio.core.dem.target import Job
 
 DECK_NAME = "in.settle"
 
 
-def pouring_deck(
-    bodies: Sequence[DemBody], clumps: Sequence[Clump], molecules: Sequence[str], poured: int
-) -> str:
-    """Return a deck in SI units that runs as it is, from within its folder (LAMMPS 29Sep2021 and later)."""
+def write_pouring_deck(
+    job: Job, clumps: Sequence[Clump], molecules: Sequence[str], poured: int
+) -> Mapping[str, Any]:
+    """Write a deck in SI units that runs as it is, from within its folder (LAMMPS 29Sep2021 and later).
+
+    Returns what the manifest says of its cost; ExportError if it is too long.
+    """
+    bodies = job.bodies
     box = settling_box(bodies, clumps, poured)
     contact = spring_contact(box)
     # Molecules are inserted where earlier ones have fallen out: the time for all of them is not known
     # beforehand, but the region holds them all.
-    steps = int(np.ceil(box.seconds / contact.step / 1000) * 1000)
+    spheres = round(box.particles * float(np.mean([len(clump.radii) for clump in clumps])))
+    cost = cost_of(box, contact, spheres)
+    require_affordable(job, DECK_NAME, cost, box)
     share = 1.0 / len(bodies)
     shares = [f"{share:.9g}"] * (len(bodies) - 1)
     shares.append(f"{1.0 - sum(float(word) for word in shares):.9g}")
     half = box.half - 1.01 * box.reach
-    return f"""{opening(box, contact, f"{box.particles} particles of {len(bodies)} kinds settle in a box")}
+    title = f"{box.particles} particles of {len(bodies)} kinds settle in a box"
+    density = bodies[0].mass.density
+    text = f"""{opening(box, contact, title, cost)}
 molecule grains {" ".join(molecules)}
 # A second run would weigh the spheres anew and forget the inertia of the files but for 'reinit no'.
 fix bodies all rigid/small molecule mol grains gravity gravity reinit no
@@ -40,10 +50,20 @@ region above block {-half:.6e} {half:.6e} {-half:.6e} {half:.6e} {box.low:.6e} {
 fix pour all pour {box.particles} 0 49979687 region above mol grains molfrac {" ".join(shares)} &
     rigid bodies vol 0.15 200
 
-{closing(steps)}"""
+{closing(box, contact, cost, density, DECK_NAME)}"""
+    (job.folder / DECK_NAME).write_text(text, encoding="ascii")
+    return cost.record()
 
 
-def opening(box: SettlingBox, contact: SpringContact, title: str, name: str = DECK_NAME) -> str:
+def cost_of(box: SettlingBox, contact: SpringContact, spheres: int) -> DeckCost:
+    """Return steps and time of a deck."""
+    steps = int(np.ceil(box.seconds / contact.step / 1000) * 1000)
+    return DeckCost("LAMMPS", steps, contact.step, spheres)
+
+
+def opening(
+    box: SettlingBox, contact: SpringContact, title: str, cost: DeckCost, name: str = DECK_NAME
+) -> str:
     """Return the part of a deck that makes the box, its walls, the contact law and gravity."""
     law = (
         f"{contact.stiffness:.6e} {contact.stiffness * 2 / 7:.6e} "
@@ -51,6 +71,10 @@ def opening(box: SettlingBox, contact: SpringContact, title: str, name: str = DE
     )
     half, high = box.half, box.top + 2 * box.reach
     return f"""# {title}. Run: lmp -in {name}
+# It takes {cost.told}.
+# It writes {stem(name)}.lammpstrj (the spheres at rest, for 'mbstudio packing read'),
+# {stem(name)}.moving.lammpstrj, {stem(name)}.data and {stem(name)}.restart, and prints a line that
+# begins with SETTLED.
 units si
 atom_style sphere
 atom_modify map array
@@ -76,13 +100,72 @@ fix gravity all gravity {GRAVITY} vector 0 0 -1 disable
 """
 
 
-def closing(steps: int) -> str:
-    """Return the part of a deck that runs it and prints the energy."""
+def stem(name: str) -> str:
+    """Return what the files that a deck writes are called: 'settled' for in.settle."""
+    return {"in.settle": "settled", "in.specimen": "specimen_settled"}[name]
+
+
+def closing(box: SettlingBox, contact: SpringContact, cost: DeckCost, density: float, name: str) -> str:
+    """Return the part of a deck that watches the run, runs it, saves what has settled and sums it up.
+
+    Parameters
+    ----------
+    box : SettlingBox
+    contact : SpringContact
+    cost : DeckCost
+    density : float
+        Of the grains, in kg/m**3.
+    name : str
+        Of the deck.
+    """
+    bounds = bounds_of(box, contact.impact, density)
+    half, result = box.half, stem(name)
+    columns = "id mol x y z radius"
     return f"""compute translation all ke/rigid bodies
 compute rotation all erotate/rigid bodies
 compute highest all reduce max z
-thermo_style custom step atoms c_translation c_rotation c_highest
-thermo {max(1, steps // 40)}
+compute radii all property/atom radius
+compute owners all property/atom mol
+compute grains all reduce max c_owners
+compute pairs all pair/local force
+compute push all reduce max c_pairs
+compute touching all contact/atom
+compute touches all reduce sum c_touching
+variable in_floor atom c_radii-z
+variable in_x atom c_radii+abs(x)-{half:.9e}
+variable in_y atom c_radii+abs(y)-{half:.9e}
+compute walls all reduce max v_in_floor v_in_x v_in_y
+variable kinetic equal c_translation+c_rotation
+variable in_grains equal c_push/{contact.stiffness:.6e}
+variable in_sides equal (c_walls[2]>=c_walls[3])*c_walls[2]+(c_walls[2]<c_walls[3])*c_walls[3]
+variable in_walls equal (c_walls[1]>=v_in_sides)*c_walls[1]+(c_walls[1]<v_in_sides)*v_in_sides
+variable overlap equal (v_in_grains>=v_in_walls)*v_in_grains+(v_in_grains<v_in_walls)*v_in_walls
+
+# The run ends with an error where more energy is there than there was to fall, or a grain lies deeper in
+# another or in a wall than twice the hardest fall by design. Spheres that leave the box are an error anyway.
+fix too_fast all halt 20 v_kinetic > {bounds.energy:.6e} error hard
+fix too_deep all halt 20 v_overlap > {bounds.impact:.6e} error hard
+thermo_style custom step atoms c_translation c_rotation c_highest c_grains c_touches v_overlap
+thermo {max(1, cost.steps // 40)}
 thermo_modify lost error
-run {steps}
+dump moving all custom {max(1, cost.steps // 20)} {result}.moving.lammpstrj {columns}
+dump_modify moving sort id format float %.9g
+run {cost.steps}
+
+variable grains equal c_grains
+variable solid equal mass(all)/{density:.9g}
+# Of an even layer the centre of mass lies at half its height.
+variable height equal 2*xcm(all,z)
+variable porosity equal 1-v_solid/({4 * half * half:.9e}*v_height)
+variable contacts equal c_touches/c_grains
+variable at_rest equal v_overlap
+print "SETTLED ${{grains}} grains, porosity ${{porosity}}, height ${{height}} m, &
+${{contacts}} sphere contacts a grain, overlap ${{at_rest}} m, kinetic energy ${{kinetic}} J"
+if "${{grains}} != {bounds.grains}" then &
+    "print 'ERROR: not {bounds.grains} grains are in the box: some are lost or were not poured.'" "quit 1"
+if "${{at_rest}} > {bounds.rest:.6e}" then &
+    "print 'ERROR: at rest grains overlap by more than {bounds.rest:.3g} m: they are too soft.'" "quit 1"
+write_dump all custom {result}.lammpstrj {columns} modify sort id format float %.12g
+write_data {result}.data
+write_restart {result}.restart
 """

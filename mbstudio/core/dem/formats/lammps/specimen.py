@@ -13,23 +13,40 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.body import DemBody
-from mbstudio.core.dem.formats.lammps.deck import closing, opening
+from mbstudio.core.dem.formats.lammps.deck import closing, cost_of, opening
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text
 from mbstudio.core.dem.shapes.clump import Clump
+from mbstudio.core.dem.specimen.deck_cost import DeckCost, require_affordable
 from mbstudio.core.dem.specimen.placing import rotations_of
-from mbstudio.core.dem.specimen.settling import specimen_box, spring_contact
+from mbstudio.core.dem.specimen.settling import (
+    SettlingBox,
+    SpringContact,
+    specimen_box,
+    spring_contact,
+)
+from mbstudio.core.dem.target import Job
 from mbstudio.core.errors import ExportError
 
 DECK_NAME, DATA_NAME, BODIES_NAME = "in.specimen", "specimen.data", "specimen.bodies"
 
 
 def write_specimen_deck(
-    folder: Path, specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence[Clump]
-) -> tuple[str, ...]:
-    """Write deck, spheres and bodies in SI units; return the names of the files."""
+    job: Job, specimen: Specimen, clumps: Sequence[Clump]
+) -> tuple[tuple[str, ...], Mapping[str, Any]]:
+    """Write deck, spheres and bodies in SI units; return the names of the files, and what the deck costs.
+
+    Raises
+    ------
+    ExportError
+        If it would take longer than the export allows.
+    """
+    folder, bodies = job.folder, job.bodies
+    box = specimen_box(specimen, bodies, clumps)
+    contact = spring_contact(box)
+    cost = cost_of(box, contact, sum(len(clumps[kind].radii) for kind in specimen.kinds))
+    require_affordable(job, DECK_NAME, cost, box)
     rotations = rotations_of(specimen.quaternions)
     atoms, rows = [], []
     particles = zip(specimen.kinds, specimen.scales, specimen.positions, rotations, strict=True)
@@ -48,8 +65,9 @@ def write_specimen_deck(
     lines = [f"{row[0]} " + " ".join(f"{value:.15g}" for value in row[1:]) for row in rows]
     text = "\n".join([str(len(rows)), *(f"{line} 0 0 0 0 0 0 0 0 0" for line in lines)])
     (folder / BODIES_NAME).write_text(text + "\n", encoding="ascii")
-    (folder / DECK_NAME).write_text(_deck_text(specimen, bodies, clumps), encoding="ascii")
-    return (DECK_NAME, DATA_NAME, BODIES_NAME)
+    text = _deck_text(box, contact, cost, bodies[0].mass.density)
+    (folder / DECK_NAME).write_text(text, encoding="ascii")
+    return (DECK_NAME, DATA_NAME, BODIES_NAME), cost.record()
 
 
 def _data_text(atoms: Sequence[tuple[float, ...]]) -> str:
@@ -70,17 +88,14 @@ def _data_text(atoms: Sequence[tuple[float, ...]]) -> str:
     )
 
 
-def _deck_text(specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence[Clump]) -> str:
-    box = specimen_box(specimen, bodies, clumps)
-    contact = spring_contact(box)
-    steps = int(np.ceil(box.seconds / contact.step / 1000) * 1000)
+def _deck_text(box: SettlingBox, contact: SpringContact, cost: DeckCost, density: float) -> str:
     title = f"A specimen of {box.particles} particles settles in a box"
-    return f"""{opening(box, contact, title, DECK_NAME)}
+    return f"""{opening(box, contact, title, cost, DECK_NAME)}
 read_data {DATA_NAME} add append fix mol NULL Molecules
 # A second run would weigh the spheres anew and forget the inertia of the file but for 'reinit no'.
 fix bodies all rigid/small molecule infile {BODIES_NAME} gravity gravity reinit no
 
-{closing(steps)}"""
+{closing(box, contact, cost, density, DECK_NAME)}"""
 
 
 def check_specimen_files(folder: Path, manifest: Mapping[str, Any]) -> None:

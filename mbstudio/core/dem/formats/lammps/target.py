@@ -19,8 +19,14 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.dem.body import DemBody
-from mbstudio.core.dem.formats.clump_files import WITH_DECK, check_spheres, describe_clump, fitted_clumps
-from mbstudio.core.dem.formats.lammps.deck import DECK_NAME, pouring_deck
+from mbstudio.core.dem.formats.clump_files import (
+    WITH_TIMED_DECK,
+    check_spheres,
+    describe_clump,
+    fitted_clumps,
+)
+from mbstudio.core.dem.formats.lammps.deck import DECK_NAME, write_pouring_deck
+from mbstudio.core.dem.formats.lammps.specimen import DECK_NAME as SPECIMEN_DECK_NAME
 from mbstudio.core.dem.formats.lammps.specimen import check_specimen_files, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text, require_agreement
@@ -42,12 +48,13 @@ def write(job: Job) -> Written:
         (job.folder / name).write_text(molecule_text(body, clump, masses), encoding="ascii")
         files.append((name,))
         details.append({**describe_clump(clump, body), "balanced_masses": balanced})
-    deck = pouring_deck(job.bodies, clumps, [entry[0] for entry in files], int(job.options["poured"]))
-    (job.folder / DECK_NAME).write_text(deck, encoding="ascii")
+    molecules = [entry[0] for entry in files]
+    runs = {DECK_NAME: write_pouring_deck(job, clumps, molecules, int(job.options["poured"]))}
     shared: tuple[str, ...] = (DECK_NAME,)
     if job.specimen is not None:
-        shared += write_specimen_deck(job.folder, job.specimen, job.bodies, clumps)
-    return Written(files, details, shared)
+        names, runs[SPECIMEN_DECK_NAME] = write_specimen_deck(job, job.specimen, clumps)
+        shared += names
+    return Written(files, details, shared, runs)
 
 
 def molecule_text(body: DemBody, clump: Clump, masses: np.ndarray) -> str:
@@ -169,6 +176,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=WITH_DECK,
+    options=WITH_TIMED_DECK,
     units=("m",),
 )

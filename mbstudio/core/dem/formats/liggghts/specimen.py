@@ -14,10 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.formats.liggghts.deck import closing, opening, prime_above, template_command
+from mbstudio.core.dem.formats.liggghts.deck import (
+    closing,
+    cost_of,
+    hertz_contact,
+    opening,
+    prime_above,
+    template_command,
+)
 from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.reading_back import read_lines
 from mbstudio.core.dem.shapes.clump import Clump
+from mbstudio.core.dem.specimen.deck_cost import require_affordable
 from mbstudio.core.dem.specimen.settling import specimen_box
 from mbstudio.core.dem.specimen.specimen import in_classes
 from mbstudio.core.dem.target import Job
@@ -27,8 +35,14 @@ from mbstudio.core.units import METRES_PER_UNIT
 DECK_NAME = "in.specimen"
 
 
-def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -> tuple[str, ...]:
-    """Write the deck in SI units; the specimen is in the unit of the export. Returns the files' names."""
+def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -> Mapping[str, Any]:
+    """Write the deck in SI units; the specimen is in the unit of the export. Returns what the deck costs.
+
+    Raises
+    ------
+    ExportError
+        If it would take longer than the export allows.
+    """
     rounded = in_classes(specimen, int(job.options["classes"]))
     groups = sorted(
         {(float(scale), int(kind)) for kind, scale in zip(rounded.kinds, rounded.scales, strict=True)},
@@ -50,11 +64,14 @@ def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -
         total += many
         parts.append(template + _insertion(number, total))
     box = specimen_box(rounded, job.bodies, clumps)
+    contact = hertz_contact(box, job.bodies[0].mass.density)
+    cost = cost_of(box, contact, sum(len(clumps[kind].radii) for kind in rounded.kinds))
+    require_affordable(job, DECK_NAME, cost, box)
     title = f"A specimen of {box.particles} particles settles in a box"
-    head, steps = opening(box, job.bodies[0].mass.density, title, DECK_NAME)
-    text = "\n".join([head, *parts, closing(steps)])
+    head = opening(box, contact, title, DECK_NAME, cost)
+    text = "\n".join([head, *parts, closing(box, contact, cost, DECK_NAME)])
     (job.folder / DECK_NAME).write_text(text, encoding="ascii")
-    return (DECK_NAME,)
+    return cost.record()
 
 
 def _insertion(number: int, total: int) -> str:

@@ -27,10 +27,12 @@ from mbstudio.core.dem.formats.clump_files import (
     fitted_clumps,
     sphere_rows,
 )
-from mbstudio.core.dem.formats.liggghts.deck import DECK_NAME, settling_deck, template_command
+from mbstudio.core.dem.formats.liggghts.deck import DECK_NAME, template_command, write_settling_deck
+from mbstudio.core.dem.formats.liggghts.specimen import DECK_NAME as SPECIMEN_DECK_NAME
 from mbstudio.core.dem.formats.liggghts.specimen import check_specimen_deck, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.reading_back import agrees, number_rows, read_lines, read_text
+from mbstudio.core.dem.specimen.deck_cost import HOURS
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
 from mbstudio.core.options import Option
@@ -48,13 +50,12 @@ def write(job: Job) -> Written:
         command = template_command(body, spheres, len(clump.radii), index + 1, int(job.options["ntry"]))
         (job.folder / template).write_text(command, encoding="ascii")
         files.append((spheres, template))
-    deck = settling_deck(job.bodies, clumps, [entry[1] for entry in files], int(job.options["poured"]))
-    (job.folder / DECK_NAME).write_text(deck, encoding="ascii")
-    shared: tuple[str, ...] = (DECK_NAME,)
+    templates = [entry[1] for entry in files]
+    runs = {DECK_NAME: write_settling_deck(job, clumps, templates, int(job.options["poured"]))}
     if job.specimen is not None:
-        shared += write_specimen_deck(job, job.specimen, clumps)
+        runs[SPECIMEN_DECK_NAME] = write_specimen_deck(job, job.specimen, clumps)
     details = describe_clumps(clumps, job.bodies)
-    return Written(files, details, shared)
+    return Written(files, details, tuple(runs), runs)
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -152,6 +153,7 @@ TARGET = Target(
         {
             **OPTIONS,
             "poured": POURED,
+            "hours": HOURS,
             "classes": Option(6, "sizes of each avatar that the deck of a specimen inserts", 1, 200),
             "ntry": Option(
                 200000, "Monte Carlo points of LIGGGHTS for the clump's volume and centre", 1000, 10**8

@@ -14,8 +14,9 @@ from typing import Any
 
 from mbstudio.core.dem.formats.clump_files import POURED
 from mbstudio.core.dem.formats.level_set_files import OPTIONS, check_level_set_file, write_level_sets
-from mbstudio.core.dem.formats.yade.script import SCRIPT_NAME, check_kinds, settling_script
+from mbstudio.core.dem.formats.yade.script import SCRIPT_NAME, check_kinds, write_script
 from mbstudio.core.dem.formats.yade.target import kinds_of
+from mbstudio.core.dem.specimen.deck_cost import HOURS
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.options import Option
 
@@ -44,17 +45,16 @@ def write(job: Job) -> Written:
     names = [files[0] for files in written.item_files]
     reach = max(details["radius"] for details in written.item_details)
     # What a level set touches by is not known: a quarter of the bounding sphere stands for it.
-    script = settling_script(
+    cost = write_script(
+        job,
         kinds_of(names, job.bodies),
         _LOADER.replace("{nodes}", str(job.options["nodes"])),
         reach,
         reach / 4,
-        int(job.options["poured"]),
+        spheres=int(job.options["nodes"]) // 10,
         level_set=True,
-        density=float(job.density or 0.0),
     )
-    (job.folder / SCRIPT_NAME).write_text(script, encoding="ascii")
-    return Written(written.item_files, written.item_details, (SCRIPT_NAME,))
+    return Written(written.item_files, written.item_details, (SCRIPT_NAME,), {SCRIPT_NAME: cost})
 
 
 def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -77,6 +77,7 @@ TARGET = Target(
             **OPTIONS,
             "nodes": Option(402, "surface nodes by which each grain touches", 50, 20000),
             "poured": POURED,
+            "hours": HOURS,
         }
     ),
     units=("m",),

@@ -16,13 +16,13 @@ import numpy as np
 
 from mbstudio.core.dem.body import DemBody
 from mbstudio.core.dem.formats.clump_files import (
-    WITH_DECK,
+    WITH_TIMED_DECK,
     check_spheres,
     describe_clumps,
     fitted_clumps,
     sphere_rows,
 )
-from mbstudio.core.dem.formats.yade.script import SCRIPT_NAME, check_kinds, settling_script
+from mbstudio.core.dem.formats.yade.script import SCRIPT_NAME, check_kinds, write_script
 from mbstudio.core.dem.reading_back import number_rows, read_text
 from mbstudio.core.dem.target import Job, Target, Written
 from mbstudio.core.errors import ExportError
@@ -57,17 +57,11 @@ def write(job: Job) -> Written:
         np.savetxt(job.folder / name, rows, fmt="%.12e %.12e %.12e %.12e %d")
     reach = max(float((np.linalg.norm(c.centers, axis=1) + c.radii).max()) for c in clumps)
     smallest = min(float(c.radii.min()) for c in clumps)
-    script = settling_script(
-        kinds_of(names, job.bodies),
-        _LOADER,
-        reach,
-        smallest,
-        int(job.options["poured"]),
-        density=float(job.density or 0.0),
-    )
-    (job.folder / SCRIPT_NAME).write_text(script, encoding="ascii")
+    spheres = round(float(np.mean([len(clump.radii) for clump in clumps])))
+    kinds = kinds_of(names, job.bodies)
+    runs = {SCRIPT_NAME: write_script(job, kinds, _LOADER, reach, smallest, spheres=spheres)}
     details = describe_clumps(clumps, job.bodies)
-    return Written([(name,) for name in names], details, (SCRIPT_NAME,))
+    return Written([(name,) for name in names], details, (SCRIPT_NAME,), runs)
 
 
 def kinds_of(names: Sequence[str], bodies: Sequence[DemBody]) -> list[tuple[str, float, list[float]]]:
@@ -104,6 +98,6 @@ TARGET = Target(
     default_unit="m",
     write=write,
     validate=validate,
-    options=WITH_DECK,
+    options=WITH_TIMED_DECK,
     units=("m",),
 )
