@@ -180,7 +180,8 @@ def export(
         "runs": {name: dict(cost) for name, cost in done.runs.items()},
     }
     for name, cost in done.runs.items():
-        console.tell(f"{name} takes {cost['steps']:,} time steps, about {cost['hours']:.2g} hours on one core.")
+        hours = f"about {cost['hours']:.2g} hours on one core"
+        console.tell(f"{name} takes {cost['steps']:,} time steps, {hours}.")
     for warning in done.warnings:
         console.tell(f"Warning: {warning}")
     if as_json:

@@ -208,7 +208,10 @@ def find_grains(
         If the dump does not tell owners and radii, or the spheres of a grain are those of no clump.
     """
     if frame.owners is None or frame.radii is None:
-        raise PackingError(f"{where} does not tell which sphere is whose: dump 'id mol x y z radius'.")
+        raise PackingError(
+            f"{where} does not tell which sphere is whose: name the specimen.csv of its export (specimen), "
+            "or dump 'id mol x y z radius'."
+        )
     kinds, scales, places, turns = [], [], [], []
     order = np.argsort(frame.owners, kind="stable")
     starts = np.flatnonzero(np.diff(frame.owners[order], prepend=frame.owners[order][:1] - 1))

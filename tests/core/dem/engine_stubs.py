@@ -161,6 +161,7 @@ MERCURY = {
 
 _MECHSYS = r"""
 #pragma once
+#include <cmath>
 #include <iostream>
 #include <vector>
 struct Vec3_t {
@@ -169,10 +170,20 @@ struct Vec3_t {
     double& operator()(int i) { return v[i]; }
 };
 inline Vec3_t operator*(double a, Vec3_t const & b) { return Vec3_t(a*b.v[0], a*b.v[1], a*b.v[2]); }
-struct Quaternion_t { double angle; Vec3_t axis; };
+struct Quaternion_t {
+    double v[4];
+    double & operator()(int i) { return v[i]; }
+    double operator()(int i) const { return v[i]; }
+};
 inline void NormalizeRotation(double angle, Vec3_t const & axis, Quaternion_t & q) {
-    q.angle = angle;
-    q.axis = axis;
+    q.v[0] = std::cos(angle/2);
+    for (int i = 0; i < 3; i++) q.v[i+1] = std::sin(angle/2)*axis.v[i];
+}
+inline void QuaternionProduct(Quaternion_t const & a, Quaternion_t const & b, Quaternion_t & c) {
+    c.v[0] = a(0)*b(0) - a(1)*b(1) - a(2)*b(2) - a(3)*b(3);
+    c.v[1] = a(0)*b(1) + a(1)*b(0) + a(2)*b(3) - a(3)*b(2);
+    c.v[2] = a(0)*b(2) - a(1)*b(3) + a(2)*b(0) + a(3)*b(1);
+    c.v[3] = a(0)*b(3) + a(1)*b(2) - a(2)*b(1) + a(3)*b(0);
 }
 namespace OrthoSys { static Vec3_t e0(1, 0, 0), e1(0, 1, 0), e2(0, 0, 1); }
 template <typename T> struct Array {
@@ -186,7 +197,8 @@ struct ParticleProps { double m = 1, Kn = 0, Kt = 0, Gn = 0, Mu = 0; };
 struct Particle {
     int Tag;
     Vec3_t x, Ff;
-    Quaternion_t turn;
+    Quaternion_t turn = {{1, 0, 0, 0}};
+    Quaternion_t Q = {{std::sqrt(0.5), 0, 0, std::sqrt(0.5)}};  // as of other axes than the file's
     ParticleProps Props;
     void Rotate(Quaternion_t & q, Vec3_t &) { turn = q; }
     void Translate(Vec3_t & t) { x = t; }
@@ -208,8 +220,9 @@ struct Domain {
     }
     void Solve(double tf, double dt, double, ptFun_t, ptFun_t, char const *, size_t, size_t) {
         for (Particle * p : Particles.all) {
-            std::cout << "GRAIN " << p->turn.angle;
-            for (Vec3_t const & t : {p->turn.axis, p->x, p->Ff}) for (double v : t.v) std::cout << " " << v;
+            std::cout << "GRAIN";
+            for (Quaternion_t const & q : {p->turn, p->Q}) for (double v : q.v) std::cout << " " << v;
+            for (Vec3_t const & t : {p->x, p->Ff}) for (double v : t.v) std::cout << " " << v;
             std::cout << "\n";
         }
         std::cout << "SOLVE " << tf << " " << dt << "\n";

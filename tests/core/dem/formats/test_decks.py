@@ -193,7 +193,7 @@ def test_the_driver_of_mercury_builds_and_reads_the_folders(exported, masses, tm
         assert inertia[[1, 2, 4]] == pytest.approx(0)
         assert place == pytest.approx(table(text, "PLACES")[number])
         w, x, y, z = table(text, "QUATERNIONS")[number]
-        assert pytest.approx(Rotation.from_quat([x, y, z, w]).as_matrix(), abs=1e-7) == axes.reshape(3, 3).T
+        assert pytest.approx(Rotation.from_quat([x, y, z, w]).as_matrix(), abs=1e-7) == axes.reshape(3, 3)
     assert len([row for row in rows if row[0] == "WALL"]) == 5
     ((_, step, end),) = [row for row in rows if row[0] == "SOLVE"]
     assert float(step) == pytest.approx(stated(text, "STEP"))
@@ -204,6 +204,7 @@ def test_the_program_of_mechsys_builds_and_loads_the_files(exported, tmp_path):
     text = deck_of(exported, "mechsys")
     rows = build_and_run(tmp_path, text, MECHSYS)
     loaded = [row for row in rows if row[0] == "LOAD"]
+    assert not {row[1] for row in loaded} & {row[1] for row in rows if row[0] == "WALL"}
     assert [row[2] for row in loaded] == [f"grain_{i % 3 + 1}.json" for i in range(7)]
     for row in loaded:
         assert (exported / "mechsys" / row[2]).is_file()
@@ -211,9 +212,14 @@ def test_the_program_of_mechsys_builds_and_loads_the_files(exported, tmp_path):
     grains = [np.array(row[1:], dtype=float) for row in rows if row[0] == "GRAIN"]
     places, turns = table(text, "PLACES"), table(text, "QUATERNIONS")
     for grain, place, (w, x, y, z) in zip(grains[:7], places, turns, strict=True):
-        angle, axis, found, force = grain[0], grain[1:4], grain[4:7], grain[7:10]
+        turn, axes, found, force = grain[:4], grain[4:8], grain[8:11], grain[11:14]
         wanted = Rotation.from_quat([x, y, z, w])
-        assert (Rotation.from_rotvec(angle * axis) * wanted.inv()).magnitude() == pytest.approx(0, abs=1e-6)
+        applied = Rotation.from_quat(np.roll(turn, -1))
+        assert (applied * wanted.inv()).magnitude() == pytest.approx(0, abs=1e-6)
+        # The stand-in's grains have their axes a quarter turn about z from their vertices.
+        begun = Rotation.from_rotvec([0, 0, np.pi / 2])
+        together = Rotation.from_quat(np.roll(axes, -1))
+        assert (together * (wanted * begun).inv()).magnitude() == pytest.approx(0, abs=1e-6)
         assert found == pytest.approx(place)
         assert force == pytest.approx([0, 0, -9810])  # of a stand-in's unit mass
     assert len([row for row in rows if row[0] == "WALL"]) == 5

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mbstudio.core.dem.reading_back import read_text
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.deck_cost import DeckCost, bounds_of, require_affordable
 from mbstudio.core.dem.specimen.settling import (
@@ -17,6 +19,7 @@ from mbstudio.core.dem.specimen.settling import (
     spring_contact,
 )
 from mbstudio.core.dem.target import Job
+from mbstudio.core.errors import ExportError
 
 DECK_NAME = "in.settle"
 
@@ -103,6 +106,12 @@ fix gravity all gravity {GRAVITY} vector 0 0 -1 disable
 def stem(name: str) -> str:
     """Return what the files that a deck writes are called: 'settled' for in.settle."""
     return {"in.settle": "settled", "in.specimen": "specimen_settled"}[name]
+
+
+def check_end(path: Path) -> None:
+    """Raise ExportError unless a deck ends by saving what has settled."""
+    if not read_text(path).endswith(f"\nwrite_restart {stem(path.name)}.restart\n"):
+        raise ExportError(f"{path} is cut off: it does not end by saving what has settled.")
 
 
 def closing(box: SettlingBox, contact: SpringContact, cost: DeckCost, density: float, name: str) -> str:

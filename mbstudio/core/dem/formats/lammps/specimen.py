@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstudio.core.dem.formats.lammps.deck import closing, cost_of, opening
+from mbstudio.core.dem.formats.lammps.deck import check_end, closing, cost_of, opening
 from mbstudio.core.dem.manifest import check_moments
 from mbstudio.core.dem.particles import Specimen
 from mbstudio.core.dem.reading_back import number_rows, read_lines, read_text
@@ -103,6 +103,7 @@ def check_specimen_files(folder: Path, manifest: Mapping[str, Any]) -> None:
 
     LAMMPS believes every body it is given: masses, tensors and the belonging of spheres are checked here.
     """
+    check_end(folder / DECK_NAME)
     said, items = manifest["specimen"], manifest["items"]
     path = folder / BODIES_NAME
     lines = read_lines(path)

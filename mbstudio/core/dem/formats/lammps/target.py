@@ -25,7 +25,7 @@ from mbstudio.core.dem.formats.clump_files import (
     describe_clump,
     fitted_clumps,
 )
-from mbstudio.core.dem.formats.lammps.deck import DECK_NAME, write_pouring_deck
+from mbstudio.core.dem.formats.lammps.deck import DECK_NAME, check_end, write_pouring_deck
 from mbstudio.core.dem.formats.lammps.specimen import DECK_NAME as SPECIMEN_DECK_NAME
 from mbstudio.core.dem.formats.lammps.specimen import check_specimen_files, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
@@ -97,6 +97,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     loaded = [line.split()[2:] for line in read_lines(deck) if line.startswith("molecule ")]
     if loaded != [[item["files"][0] for item in manifest["items"]]]:
         raise ExportError(f"{deck} does not load the molecules of the manifest, each once and in order.")
+    check_end(deck)
     if "specimen" in manifest:
         check_specimen_files(folder, manifest)
 

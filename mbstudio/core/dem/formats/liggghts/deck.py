@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mbstudio.core.dem.body import DemBody
+from mbstudio.core.dem.reading_back import read_text
 from mbstudio.core.dem.shapes.clump import Clump
 from mbstudio.core.dem.specimen.deck_cost import DeckCost, bounds_of, require_affordable
 from mbstudio.core.dem.specimen.settling import GRAVITY, POISSON, SettlingBox, settling_box
 from mbstudio.core.dem.target import Job
+from mbstudio.core.errors import ExportError
 from mbstudio.core.units import METRES_PER_UNIT
 
 _PARTS = 20
@@ -187,6 +190,12 @@ region above block {sides} {low:.6e} {top:.6e} units box
 def stem(name: str) -> str:
     """Return what the files that a deck writes are called: 'settled' for in.settle."""
     return {"in.settle": "settled", "in.specimen": "specimen_settled"}[name]
+
+
+def check_end(path: Path) -> None:
+    """Raise ExportError unless a deck ends by saving what has settled."""
+    if not read_text(path).endswith(f"\nwrite_restart {stem(path.name)}.restart\n"):
+        raise ExportError(f"{path} is cut off: it does not end by saving what has settled.")
 
 
 def closing(box: SettlingBox, contact: HertzContact, cost: DeckCost, name: str) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from mbstudio.core.dem.formats.liggghts.deck import (
+    check_end,
     closing,
     cost_of,
     hertz_contact,
@@ -91,6 +92,7 @@ fix pour{number} all insert/pack seed {second} distributiontemplate kind{number}
 def check_specimen_deck(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Raise ExportError unless a deck inserts the particles of the manifest, with their mass."""
     path = folder / DECK_NAME
+    check_end(path)
     text = " ".join(line.removesuffix("&").strip() for line in read_lines(path) if not line.startswith("#"))
     masses = [float(word) for word in re.findall(r" mass (\S+) inertia_tensor", text)]
     totals = [int(word) for word in re.findall(r"particles_in_region (\d+)", text)]

@@ -27,7 +27,12 @@ from mbstudio.core.dem.formats.clump_files import (
     fitted_clumps,
     sphere_rows,
 )
-from mbstudio.core.dem.formats.liggghts.deck import DECK_NAME, template_command, write_settling_deck
+from mbstudio.core.dem.formats.liggghts.deck import (
+    DECK_NAME,
+    check_end,
+    template_command,
+    write_settling_deck,
+)
 from mbstudio.core.dem.formats.liggghts.specimen import DECK_NAME as SPECIMEN_DECK_NAME
 from mbstudio.core.dem.formats.liggghts.specimen import check_specimen_deck, write_specimen_deck
 from mbstudio.core.dem.manifest import check_moments
@@ -76,6 +81,7 @@ def validate(folder: Path, manifest: Mapping[str, Any]) -> None:
     included = [line.split()[1] for line in read_lines(deck) if line.startswith("include ")]
     if included != [item["files"][1] for item in manifest["items"]]:
         raise ExportError(f"{deck} does not include the templates of the manifest, each once and in order.")
+    check_end(deck)
     if "specimen" in manifest:
         check_specimen_deck(folder, manifest)
 

@@ -21,7 +21,10 @@ _HEAD = """#include <mechsys/dem/domain.h>
 
 """
 _BODY = """
-const int FLOOR = -1000;
+using namespace DEM;  // where the quaternions are, depending on the version
+
+// Tags of the five walls go down from FLOOR, those of the kinds of grain, however many, from FIRST_KIND.
+const int FLOOR = -1, FIRST_KIND = -11;
 
 void addWall(DEM::Domain & dom, int tag, Vec3_t const & place, double width, double height, double angle,
              Vec3_t axis)
@@ -40,6 +43,10 @@ void addGrain(DEM::Domain & dom, int tag, char const * file, double const * plac
     if (sine > 0.0) axis = Vec3_t(q[1]/sine, q[2]/sine, q[3]/sine);
     NormalizeRotation(2.0*atan2(sine, q[0]), axis, turn);
     dom.Particles[last]->Rotate(turn, dom.Particles[last]->x);
+    // Rotate turns the vertices alone: the axes of the moments of inertia, Q, are to follow.
+    Quaternion_t axes = dom.Particles[last]->Q, turned;
+    QuaternionProduct(turn, axes, turned);
+    dom.Particles[last]->Q = turned;
     Vec3_t shift(place[0], place[1], place[2]);
     dom.Particles[last]->Translate(shift);
     dom.Particles[last]->Ff = dom.Particles[last]->Props.m*Vec3_t(0.0, 0.0, -GRAVITY);
@@ -51,7 +58,8 @@ int main(int argc, char ** argv) try
     DEM::Domain dom;
     dom.Alpha = R;  // the Verlet distance
     size_t kinds = sizeof(KINDS)/sizeof(KINDS[0]), grains = sizeof(PLACES)/sizeof(PLACES[0]);
-    for (size_t i=0; i<grains; i++) addGrain(dom, -1-int(i%kinds), KINDS[i%kinds], PLACES[i], QUATERNIONS[i]);
+    for (size_t i=0; i<grains; i++)
+        addGrain(dom, FIRST_KIND-int(i%kinds), KINDS[i%kinds], PLACES[i], QUATERNIONS[i]);
     double height = 1.4*TOP, out = HALF + R;
     addWall(dom, FLOOR,   Vec3_t(0.0, 0.0, -R),          2.0*out, 2.0*out, 0.0,      OrthoSys::e2);
     addWall(dom, FLOOR-1, Vec3_t(0.0,  out, 0.5*height), 2.0*out, height,  M_PI/2.0, OrthoSys::e0);

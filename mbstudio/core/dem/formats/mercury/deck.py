@@ -85,12 +85,12 @@ private:
         grain.setRadius(spheres[3]);
         for (std::size_t j = 0; j + 3 < spheres.size(); j += 4)
             grain.addPebble(Vec3D(spheres[j], spheres[j + 1], spheres[j + 2]), spheres[j + 3]);
-        // Rows are the grain's own axes in space: the columns of the rotation of the quaternion w, x, y, z.
+        // The columns are the grain's own axes in space: the matrix is the rotation of the quaternion.
         const double w = q[0], x = q[1], y = q[2], z = q[3];
         grain.setPrincipalDirections(Matrix3D(
-            1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y),
-            2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x),
-            2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
+            1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)));
         grain.setInitInertia(MatrixSymmetric3D(toi[0], toi[1], toi[2], toi[4], toi[5], toi[8]));
         grain.setClumpMass(mass[0]);
         grain.setDamping(0.0);
