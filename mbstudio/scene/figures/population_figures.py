@@ -105,6 +105,7 @@ def distribution_figure(
     *,
     by: Weighting = "number",
     theme: SceneTheme = LIGHT,
+    bands: bool = False,
 ) -> Figure:
     """Draw one factor: its cumulative distributions beside its densities.
 
@@ -121,6 +122,8 @@ def distribution_figure(
     for axes, draw, word in zip(figure.subplots(1, 2), (_draw_cdf, _draw_pdf), words, strict=True):
         plain_axes(axes, theme)
         draw(axes, shown, factor, by, theme, scale)
+        if bands and draw is _draw_cdf:
+            _draw_bands(axes, shown, factor, by, theme, scale)
         axes.set_xlabel(FACTORS[factor].heading(unit), color=theme.ink)
         axes.set_ylabel(word, color=theme.ink)
         _legend(axes, shown, errors, theme)

@@ -15,7 +15,7 @@ from mbstudio.core.project.measuring import ProjectPopulations
 from mbstudio.core.units import unit_label
 from mbstudio.scene.figures.population_figures import sieve_figure
 from mbstudio.scene.figures.population_style import readable_scale
-from mbstudio.scene.reports.blocks import Block, Facts, Heading, Paragraph, Picture, Table
+from mbstudio.scene.reports.blocks import Block, Facts, Heading, Picture, Table
 from mbstudio.scene.reports.pdf_pages import PdfPages
 
 if TYPE_CHECKING:
@@ -46,9 +46,11 @@ def write_certificate(
     """
     name = project.path.stem if project.path is not None else "unsaved project"
     pages = PdfPages(f"Certificate of {name} · mbstudio {mbstudio.__version__}")
-    pages.write(f"Sample {name}", 17, weight="bold")
+    pages.write(f"Certificate of {name}", 17, weight="bold")
+    pages.gap()
     for block in _blocks(project, populations, findings):
         pages.add(block)
+    pages.sign("Date", "Name", "Signature")
     if len(pages.pages) > 1:
         raise MeasureError("The certificate takes more than one page: leave out laboratory tables.")
     return pages.save(path, {"Title": f"Certificate of {name}", "Creator": "mbstudio"})
@@ -93,10 +95,6 @@ def _blocks(project: Project, populations: ProjectPopulations, findings: Finding
             sieve_figure(curves, laboratory=tables, bands=not findings.is_corrected),
             "Percent finer by mass at the intermediate axis of each grain"
             + (", corrected for the border." if findings.is_corrected else ", with a 95 % band."),
-        ),
-        Paragraph(
-            "Date                                        Name                                               "
-            "         Signature"
         ),
     ]  # fmt: skip
 

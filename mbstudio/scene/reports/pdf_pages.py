@@ -69,6 +69,25 @@ class PdfPages:
             self._y -= size * _LEADING * _PER_POINT
             self._text(_LEFT, line, size, weight=weight, color=colour)
 
+    def sign(self, *words: str) -> None:
+        """Draw a line to be filled in for each word, side by side."""
+        from matplotlib.lines import Line2D
+
+        self._room(0.8)
+        self._y -= 0.55
+        width = (WIDTH - 2 * _LEFT) / len(words)
+        for place in range(len(words)):
+            left = _LEFT + place * width
+            ends = [left / WIDTH, (left + 0.9 * width) / WIDTH]
+            self.pages[-1].add_artist(Line2D(ends, [self._y / HEIGHT] * 2, color=_GREY, linewidth=0.7))
+        self._y -= 0.15
+        for place, word in enumerate(words):
+            self._text(_LEFT + place * width, word, 7.6, color=_GREY)
+
+    def gap(self, height: float = 0.12) -> None:
+        """Leave room, in inches."""
+        self._y -= height
+
     def save(self, path: Path, metadata: dict[str, Any]) -> Path:
         """Write the pages; the file takes its place when it is complete.
 
@@ -119,7 +138,7 @@ class PdfPages:
         self.pages[-1].add_artist(Line2D(across, [self._y / HEIGHT] * 2, color=colour, linewidth=width))
 
     def _wrap(self, words: str, size: float, width: float, weight: str = "normal") -> list[str]:
-        letters = width / (size * _PER_POINT * _MEAN_WIDTH * (1.1 if weight == "bold" else 1.0))
+        letters = width / (size * _PER_POINT * _MEAN_WIDTH * (1.14 if weight == "bold" else 1.0))
         return textwrap.wrap(words, max(4, int(letters))) or [""]
 
     def _fact(self, name: str, value: str) -> None:
@@ -147,7 +166,7 @@ class PdfPages:
             ],
             dtype=float,
         )
-        longest += 1.6
+        longest += 2.0
         if table.words:
             longest[-1] = min(longest[-1], 70)
         longest[0] = min(longest[0], 46)
@@ -240,6 +259,7 @@ def write_pdf(
     """
     pages = PdfPages(title)
     pages.write(title, 17, weight="bold")
+    pages.gap(0.04)
     pages.write(lead, 9.5, colour=_GREY)
     for place, block in enumerate(blocks):
         pages.add(block)

@@ -9,7 +9,15 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
 from mbstudio.core.metrics.factor_table import FACTORS
-from mbstudio.core.populations import Population, compare, moments, size_distribution
+from mbstudio.core.populations import (
+    FactorTest,
+    Interval,
+    Need,
+    Population,
+    compare,
+    moments,
+    size_distribution,
+)
 from mbstudio.core.populations.population import Weighting
 from mbstudio.core.populations.sieving import SieveSeries
 from mbstudio.core.units import unit_label
@@ -21,6 +29,11 @@ _ROW = 25
 FACTOR_ROWS = (
     (mark("Bodies"), mark("Bodies whose factor could be measured")),
     (mark("Mean"), mark("Mean; by mass, each body is weighted by its volume")),
+    (
+        mark("Mean from"),
+        mark("95 % interval of the mean by drawing the bodies again; none of fewer than ten"),
+    ),
+    (mark("Mean to"), mark("95 % interval of the mean by drawing the bodies again; none of fewer than ten")),
     (mark("Std. dev."), mark("Sample standard deviation")),
     (
         mark("δ mean"),
@@ -35,6 +48,14 @@ FACTOR_ROWS = (
             "their grains, so theirs is too large. Undefined by mass"
         ),
     ),
+    (
+        mark("p, adjusted"),
+        mark(
+            "Probability of such a difference by chance, adjusted after Holm for all factors together. "
+            "Avatars are "
+            "compared with their own grains by signed ranks"
+        ),
+    ),
     (mark("Wasserstein"), mark("Area between the two cumulative distributions, in the factor's unit")),
 )
 SIZE_ROWS = (
@@ -42,8 +63,15 @@ SIZE_ROWS = (
     ("D30", mark("30 % of the mass is finer")),
     ("D50", mark("Median size by mass")),
     ("D60", mark("60 % of the mass is finer")),
+    ("D90", mark("90 % of the mass is finer")),
     ("C_u", mark("Coefficient of uniformity D60 / D10")),
     ("C_c", mark("Coefficient of curvature D30² / (D10 D60)")),
+)
+NEED_ROWS = (
+    (mark("Mean size"), mark("Mean size by mass; the size is the intermediate axis b")),
+    ("D10", mark("Effective size: 10 % of the mass is finer")),
+    ("D50", mark("Median size by mass")),
+    ("D90", mark("90 % of the mass is finer")),
 )
 _NAMES = {"grains": mark("grains"), "avatars": mark("avatars"), "clones": mark("clones")}
 
@@ -100,7 +128,12 @@ class ComparisonTable(QTableWidget):
 
 
 def fill_factor(
-    table: ComparisonTable, populations: Sequence[Population], factor: str, by: Weighting
+    table: ComparisonTable,
+    populations: Sequence[Population],
+    factor: str,
+    by: Weighting,
+    means: Sequence[Interval | None] = (),
+    tests: Sequence[FactorTest | None] = (),
 ) -> None:
     """Show mean and deviation of a factor, and how far each population is from the first."""
     scale, unit = readable_scale(populations, factor)
@@ -110,16 +143,23 @@ def fill_factor(
         values = population.values(factor)
         column = [str(len(values))] + ["–"] * (len(FACTOR_ROWS) - 1)
         if len(values):
-            column[1:3] = [_number(scale * m) for m in moments(values, population.weights(factor, by))]
+            mean, deviation = moments(values, population.weights(factor, by))
+            column[1], column[4] = _number(scale * mean), _number(scale * deviation)
+            interval = means[place] if place < len(means) else None
+            if interval is not None:
+                column[2:4] = [_number(scale * end) for end in (interval.low, interval.high)]
         found = compare(populations[0], population, [factor], by=by).get(factor) if place else None
         if found is not None:
-            column[3:] = [
+            column[5:9] = [
                 _percent(found.mean_error), _percent(found.deviation_error), f"{found.ks:.3f}",
                 "–" if not np.isfinite(found.p) else "< 0.001" if found.p < 0.001 else f"{found.p:.3f}",
-                _number(scale * found.wasserstein),
             ]  # fmt: skip
+            column[10] = _number(scale * found.wasserstein)
+            test = tests[place] if place < len(tests) else None
+            if test is not None and np.isfinite(test.p_adjusted):
+                column[9] = "< 0.001" if test.p_adjusted < 0.001 else f"{test.p_adjusted:.3f}"
         columns.append(column)
-    units = ["", shown, shown, "", "", "", "", shown]
+    units = ["", shown, shown, shown, shown, "", "", "", "", "", shown]
     table.fill([name_of(population) for population in populations], columns, units)
 
 
@@ -129,10 +169,21 @@ def fill_sizes(table: ComparisonTable, populations: Sequence[Population], sieves
     columns = []
     for population in populations:
         curve = size_distribution(population, sieves)
-        sizes = [_number(scale * d) for d in (curve.d10, curve.d30, curve.d50, curve.d60)]
+        sizes = [_number(scale * curve.diameter(percent)) for percent in (10, 30, 50, 60, 90)]
         columns.append([*sizes, _number(curve.cu), _number(curve.cc)])
-    lengths = [unit_label(unit)] * 4
+    lengths = [unit_label(unit)] * 5
     table.fill([name_of(population) for population in populations], columns, [*lengths, "", ""])
+
+
+def fill_needs(table: ComparisonTable, needs: Sequence[Need]) -> None:
+    """Show the precision that sizes have, and how many bodies the wanted one needs; dashes without needs."""
+    reached, needed = ["–"] * len(NEED_ROWS), ["–"] * len(NEED_ROWS)
+    for row, need in enumerate(needs[: len(NEED_ROWS)]):
+        width = 100 * need.found.half_width
+        reached[row] = f"± {width:.1f} %" if np.isfinite(width) else "–"
+        if need.needed is not None:
+            needed[row] = f"{need.needed}" + (" ✓" if need.is_enough else "")
+    table.fill([tr("reached"), tr("needed")], [reached, needed], [""] * len(NEED_ROWS))
 
 
 def _side(column: int) -> Qt.AlignmentFlag:

@@ -17,11 +17,11 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from mbstudio.core.populations import Population
+from mbstudio.core.populations import LaboratoryCurve, Population
 from mbstudio.scene.figures.population_style import colour_of
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import tr
-from mbstudio.ui.stations.populations.plots import PopulationPlot, Shown, pages
+from mbstudio.ui.stations.populations.plots import Counts, PopulationPlot, Shown, pages
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.comparison_table import name_of
 from mbstudio.ui.widgets.forms import label
@@ -53,6 +53,8 @@ class PopulationDock(QFrame):
         self._populations: Sequence[Population] = ()
         self._is_growing = False
         self._shown = Shown()
+        self._tables: Sequence[LaboratoryCurve] = ()
+        self._counts: Counts = {}
         self._marked: tuple[Collection[int], int | None] = ((), None)
         self.pages: dict[str, PopulationPlot] = {}
         self.tabs = QTabBar()
@@ -133,15 +135,28 @@ class PopulationDock(QFrame):
         self.tabs.setCurrentIndex(list(self.pages).index(name))
 
     def show_populations(
-        self, populations: Sequence[Population], shown: Shown, is_growing: bool = False
+        self,
+        populations: Sequence[Population],
+        shown: Shown,
+        is_growing: bool = False,
+        tables: Sequence[LaboratoryCurve] = (),
+        counts: Counts | None = None,
     ) -> None:
         """Draw populations; those of the other pages when they are turned to.
 
         The legend says of those that are growing that more is to come.
         """
         self._populations, self._shown, self._is_growing = populations, shown, is_growing
+        self._tables, self._counts = tables, counts or {}
         self._write_legend()
         self._turn()
+
+    def show_certainty(self, shown: Shown) -> None:
+        """Draw bands about what is drawn."""
+        self._shown = shown
+        if self._populations:
+            self.page.show_certainty(shown)
+            self.page.mark(*self._marked)
 
     def say(self, words: str) -> None:
         """Say what to do while there is nothing to draw."""
@@ -161,7 +176,7 @@ class PopulationDock(QFrame):
         for part in (self.save, self.copy):
             part.setEnabled(drawn and not self._is_growing)
         if drawn:
-            self.page.show_populations(self._populations, self._shown)
+            self.page.show_populations(self._populations, self._shown, self._tables, self._counts)
             self.page.mark(*self._marked)
 
     def _write_legend(self) -> None:

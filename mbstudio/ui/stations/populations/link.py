@@ -6,11 +6,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from PySide6.QtCore import QObject, QUrl
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QImage
 from PySide6.QtWidgets import QFileDialog
 
-from mbstudio.core.populations import Population, size_distribution
+from mbstudio.core.errors import MbstudioError
+from mbstudio.core.populations import (
+    LaboratoryCurve,
+    Population,
+    border_weights,
+    read_laboratory_table,
+    size_distribution,
+)
 from mbstudio.scene.figures.form_figures import sneed_folk_figure, zingg_figure
 from mbstudio.scene.figures.population_figures import distribution_figure, joint_figure, sieve_figure
 from mbstudio.ui.figure_files import FIGURE_FILTER, draw_figure, fault_of_figure, figure_path
@@ -42,7 +50,9 @@ class PopulationLink(QObject):
         super().__init__(studio)
         self._studio, self._space = studio, studio.workspace
         self._work, self._panel, self._dock = work, panel, dock
+        self._tables: list[LaboratoryCurve] = []
         self._panel.shown_changed.connect(self._show)
+        self._panel.certainty_changed.connect(self._show_certainty)
         self._dock.brushed.connect(self._brushed)
         self._dock.menu_asked.connect(studio.grain_menu.open)
         self._space.selection_changed.connect(self._mark)
@@ -53,8 +63,63 @@ class PopulationLink(QObject):
     # ---- in step -------------------------------------------------------------------------------
 
     def _show(self, shown: Shown) -> None:
-        self._dock.show_populations(self._work.shown, shown, self._work.is_growing)
+        self._dock.show_populations(
+            self._work.shown, shown, self._work.is_growing, self._tables, self._counts(shown)
+        )
         self._mark()
+
+    def _show_certainty(self, shown: Shown) -> None:
+        self._dock.show_certainty(shown)
+
+    def _counts(self, shown: Shown) -> dict[int, np.ndarray]:
+        """Return how many grains each stands for, where curves are corrected for the border."""
+        grains = self._space.state.grains
+        if not shown.border or grains is None or self._work.is_growing:
+            return {}
+        counts = {}
+        for population in self._work.shown:
+            if population.kind == "clones":
+                continue
+            try:
+                counts[id(population)] = border_weights(grains, population.labels.tolist())
+            except MbstudioError as error:
+                self._studio.say("warning", str(error))
+                return {}
+        return counts
+
+    # ---- tables of laboratories ------------------------------------------------------------------
+
+    def ask_laboratory(self) -> None:
+        """Ask for a table of a sieve analysis, and draw it beside the curves."""
+        name, _ = QFileDialog.getOpenFileName(
+            self._studio.host,
+            tr("Laboratory table"),
+            self._studio.path_for(""),
+            tr("Tables (*.csv *.txt *.tsv);;All files (*)"),
+        )
+        if name:
+            self.add_laboratory(Path(name))
+
+    def add_laboratory(self, path: Path) -> None:
+        """Draw a table of a sieve analysis beside the curves, or say why not."""
+        try:
+            table = read_laboratory_table(path)
+        except MbstudioError as error:
+            self._studio.say("error", str(error))
+            return
+        self._tables = [one for one in self._tables if one.name != table.name] + [table]
+        self._dock.open_page("size")
+        self._show(self._panel.shown)
+
+    def remove_laboratory(self) -> None:
+        """Show no tables of laboratories any more."""
+        self._tables = []
+        self._show(self._panel.shown)
+
+    @property
+    def has_laboratory(self) -> bool:
+        """Whether tables of laboratories are shown."""
+        return bool(self._tables)
 
     def _mark(self) -> None:
         self._dock.mark(self._space.chosen, self._space.selected)
@@ -126,7 +191,7 @@ class PopulationLink(QObject):
             self._studio.host,
             tr("Write report"),
             self._studio.path_for(f"{path.stem}.html" if path else "report.html"),
-            tr("HTML page (*.html)"),
+            tr("HTML page (*.html);;PDF (*.pdf);;JSON (*.json)"),
         )
         if name:
             chosen = Path(name)
@@ -134,7 +199,8 @@ class PopulationLink(QObject):
 
     def write_report(self, path: Path) -> None:
         """Write the report, and offer to open it."""
-        task = self._work.write_report(path, self._panel.shown.sieves or "iso")
+        shown = self._panel.shown
+        task = self._work.write_report(path, shown.sieves or "iso", tables=self._tables, border=shown.border)
         if task is None:
             return
         address = QUrl.fromLocalFile(str(path.resolve()))
@@ -147,14 +213,46 @@ class PopulationLink(QObject):
             )
         )
 
+    def ask_certificate(self) -> None:
+        """Ask for a file and write the certificate of the sample to it."""
+        path = self._space.project.path
+        name, _ = QFileDialog.getSaveFileName(
+            self._studio.host,
+            tr("Write certificate"),
+            self._studio.path_for(f"{path.stem}-certificate.pdf" if path else "certificate.pdf"),
+            tr("PDF (*.pdf)"),
+        )
+        if name:
+            self.write_certificate(Path(name).with_suffix(".pdf"))
+
+    def write_certificate(self, path: Path) -> None:
+        """Write the certificate, and offer to open it."""
+        task = self._work.write_certificate(path, tables=self._tables, border=self._panel.shown.border)
+        if task is None:
+            return
+        address = QUrl.fromLocalFile(str(path.resolve()))
+        task.succeeded.connect(
+            lambda _: self._studio.say(
+                "success",
+                tr("Wrote the certificate {path}.", path=path),
+                tr("Open"),
+                lambda: QDesktopServices.openUrl(address),
+            )
+        )
+
     def _maker(self) -> Callable[[], Figure]:
         """Return what draws the page that is looked at."""
         populations, shown, page = list(self._work.populations), self._panel.shown, self._dock.page_name
+        counts, tables = self._counts(shown), list(self._tables)
         makers: dict[str, Callable[[list[Population]], Figure]] = {
-            "distribution": lambda given: distribution_figure(given, shown.factor, by=shown.by),
+            "distribution": lambda given: distribution_figure(given, shown.factor, by=shown.by, bands=True),
             "pairs": lambda given: joint_figure(given, list(dict.fromkeys((shown.factor, shown.second)))),
             "zingg": zingg_figure,
             "sneed_folk": sneed_folk_figure,
-            "size": lambda given: sieve_figure([(p, size_distribution(p, shown.sieves)) for p in given]),
+            "size": lambda given: sieve_figure(
+                [(p, size_distribution(p, shown.sieves, counts=counts.get(id(p)))) for p in given],
+                laboratory=tables,
+                bands=not counts,
+            ),
         }
         return lambda: makers[page](populations)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QHBoxLayout, QPushButton
 
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metrics.factor_table import AXES, FACTORS
@@ -14,13 +14,16 @@ from mbstudio.core.populations import Population
 from mbstudio.core.populations.sieving import SERIES_NAMES
 from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.panel import Panel
+from mbstudio.ui.stations.populations.certainty import CertaintyWork
 from mbstudio.ui.stations.populations.plots import Shown
 from mbstudio.ui.stations.populations.work import PopulationWork
 from mbstudio.ui.widgets.comparison_table import (
     FACTOR_ROWS,
+    NEED_ROWS,
     SIZE_ROWS,
     ComparisonTable,
     fill_factor,
+    fill_needs,
     fill_sizes,
 )
 from mbstudio.ui.widgets.factor_words import factor_label, factor_tip
@@ -37,13 +40,17 @@ class PopulationPanel(Panel):
     Attributes
     ----------
     shown_changed : signal (Shown)
+    certainty_changed : signal (Shown)
+        What is shown is the same, and its intervals are known now.
     """
 
     shown_changed = Signal(object)
+    certainty_changed = Signal(object)
 
     def __init__(self, workspace: Workspace, work: PopulationWork) -> None:
         super().__init__(tr("Populations"), tr("Distributions of grains and avatars, and how they differ."))
         self._workspace, self._work = workspace, work
+        self._certainty = CertaintyWork(self)
         self.scope, self.axes, self.detail = (
             QComboBox(),
             QComboBox(),
@@ -105,14 +112,42 @@ class PopulationPanel(Panel):
             self.sizes,
             self._sizes_note,
         )
-        for field in (self.scope, self.axes, self.factor, self.second, self.by, self.sieves):
+        self.laboratory_button = QPushButton(tr("Laboratory table…"))
+        self.border = QCheckBox(tr("Correct for the border"))
+        self.border.setToolTip(
+            tr("Count each grain inside for those of its size that the border cuts (Miles-Lantuéjoul)")
+        )
+        self.add(self.border, self.laboratory_button)
+        self.add_heading(tr("Enough grains?"))
+        self.precision = QDoubleSpinBox()
+        self.precision.setRange(0.5, 50.0)
+        self.precision.setDecimals(1)
+        self.precision.setValue(5.0)
+        self.precision.setPrefix("± ")
+        self.precision.setSuffix(" %")
+        self.precision.setKeyboardTracking(False)
+        self.needs = ComparisonTable(tr("Enough grains?"), NEED_ROWS)
+        self.needs.setToolTip(
+            tr("Precision reached, and grains needed: after ISO 13322-1 and by drawing these grains again")
+        )
+        self.add(
+            row(
+                tr("Precision"),
+                self.precision,
+                tr("Wanted half width of the 95 % intervals of sizes by mass"),
+            ),
+            self.needs,
+        )
+        for field in (
+            self.scope, self.axes, self.factor, self.second, self.by, self.sieves, self.precision,
+        ):  # fmt: skip
             field.setFixedWidth(_WIDE)
         self.body.addStretch(1)
         self._hint = label("", "hint", wrap=True)
         self.measure_button = primary_button(tr("Measure"))
         self.report_button = QPushButton(tr("Report…"))
         self.report_button.setToolTip(
-            tr("Write tables and figures as one HTML file, as “mbstudio report” does")
+            tr("Write tables and figures as one file (HTML, PDF or JSON), as “mbstudio report” does")
         )
         line = QHBoxLayout()
         line.addWidget(self.measure_button, 1)
@@ -130,6 +165,9 @@ class PopulationPanel(Panel):
         self.detail.toggled.connect(lambda on: self._work.ask(detail=on))
         for field in (self.factor, self.second, self.by, self.sieves):
             field.currentIndexChanged.connect(self._show_choice)
+        self.border.toggled.connect(self._show_choice)
+        self.precision.valueChanged.connect(self._show_choice)
+        self._certainty.changed.connect(self._show_certainty)
         self._work.changed.connect(self.refresh)
         self._work.grown.connect(self.refresh)
         self._workspace.selection_changed.connect(self._write_hint)
@@ -139,7 +177,7 @@ class PopulationPanel(Panel):
         """What is looked at, as the fields say."""
         return Shown(
             self.factor.currentData(), self.second.currentData(), self.by.currentData(),
-            self.sieves.currentData(),
+            self.sieves.currentData(), self.border.isChecked(), self._certainty.found,
         )  # fmt: skip
 
     def refresh(self) -> None:
@@ -149,6 +187,15 @@ class PopulationPanel(Panel):
             self._offer([f for f in populations[0].factors if all(f in p.factors for p in populations)])
         self._write_hint()
         self._show_choice()
+
+    def close_certainty(self) -> None:
+        """End the thread that finds intervals."""
+        self._certainty.worker.close()
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the intervals of what is shown are known, or there are none to come."""
+        return self._certainty.worker.is_idle
 
     def choose_scope(self, scope: str) -> None:
         """Choose which grains are measured: 'fitted', 'inside' or 'chosen'."""
@@ -162,18 +209,31 @@ class PopulationPanel(Panel):
 
     def _show_choice(self, *_: object) -> None:
         populations = self._work.shown
+        shown = self.shown
+        if self._work.is_growing:
+            self._certainty.ask([], shown.factor, shown.by, 0.0)
+        else:
+            self._certainty.ask(populations, shown.factor, shown.by, self.precision.value() / 100.0)
         self._fill(populations)
         self.shown_changed.emit(self.shown)
 
+    def _show_certainty(self) -> None:
+        self._fill(self._work.shown)
+        self.certainty_changed.emit(self.shown)
+
     def _fill(self, populations: list[Population]) -> None:
         shown = self.shown
-        for part in (self.statistics, self.sizes):
+        certainty = self._certainty.found
+        for part in (self.statistics, self.sizes, self.needs):
             part.setVisible(bool(populations))
         self._sizes_note.hide()
         if not populations:
             return
         try:
-            fill_factor(self.statistics, populations, shown.factor, shown.by)
+            fill_needs(self.needs, [] if certainty is None else certainty.needs)
+            means = () if certainty is None else certainty.means
+            tests = () if certainty is None else certainty.tests
+            fill_factor(self.statistics, populations, shown.factor, shown.by, means, tests)
             fill_sizes(self.sizes, populations, shown.sieves)
         except MbstudioError as error:
             self.sizes.hide()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +15,14 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from mbstudio.core.errors import MbstudioError
 from mbstudio.core.metrics.factor_table import FACTORS
 from mbstudio.core.populations import (
+    Band,
+    LaboratoryCurve,
     Population,
+    SizeDistribution,
     cumulative,
     histogram,
     kernel_density,
+    largest_gap,
     size_distribution,
     sneed_folk_diagram,
     zingg_diagram,
@@ -31,12 +35,15 @@ from mbstudio.scene.figures.form_figures import CLASS_PLACES, SHORT, triangle
 from mbstudio.scene.figures.population_figures import shared_edges
 from mbstudio.scene.figures.population_style import colour_of, readable_scale
 from mbstudio.ui.language import tr
+from mbstudio.ui.stations.populations.certainty import Certainty
 from mbstudio.ui.theme import Theme
 from mbstudio.ui.widgets.brush_plot import SYMBOLS, BrushPlot, Mode, Points
 from mbstudio.ui.widgets.comparison_table import name_of
 from mbstudio.ui.widgets.factor_words import factor_heading, factor_label
 from mbstudio.ui.widgets.forms import label
 
+Counts = Mapping[int, np.ndarray]
+"""How many bodies each of a population stands for, by the population's identity."""
 STYLES = (Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine, Qt.PenStyle.DotLine)
 
 
@@ -51,12 +58,18 @@ class Shown:
     by : {'number', 'volume'}
     sieves : {'iso', 'astm'} or None
         Where sizes are read off; None: at every body's own size.
+    border : bool
+        Whether size curves count grains for those that the border cuts.
+    certainty : Certainty or None
+        How sure it is, once that was found.
     """
 
     factor: str = "sphericity"
     second: str = "csf"
     by: Weighting = "number"
     sieves: SieveSeries | None = None
+    border: bool = False
+    certainty: Certainty | None = None
 
 
 class PopulationPlot(QWidget):
@@ -78,6 +91,8 @@ class PopulationPlot(QWidget):
         self._populations: Sequence[Population] = ()
         self._drawn: list[tuple[BrushPlot, pg.GraphicsObject]] = []
         self._shown = Shown()
+        self._tables: Sequence[LaboratoryCurve] = ()
+        self._counts: Counts = {}
         self._note = label("", "hint", wrap=True)
         self._note.setContentsMargins(14, 0, 14, 8)
         layout = QVBoxLayout(self)
@@ -90,11 +105,38 @@ class PopulationPlot(QWidget):
         layout.addWidget(self._note)
         theme.changed.connect(self.redraw)
 
-    def show_populations(self, populations: Sequence[Population], shown: Shown) -> None:
-        """Draw these populations."""
+    def show_populations(
+        self,
+        populations: Sequence[Population],
+        shown: Shown,
+        tables: Sequence[LaboratoryCurve] = (),
+        counts: Counts | None = None,
+    ) -> None:
+        """Draw these populations, and tables of laboratories beside their size curves."""
         self._populations, self._shown = populations, shown
+        self._tables, self._counts = tables, counts or {}
         self.redraw()
         self.show_everything()
+
+    def show_certainty(self, shown: Shown) -> None:
+        """Draw bands too, without moving the view."""
+        self._shown = shown
+        self.redraw()
+
+    def _band(self, kind: str, place: int) -> Band | None:
+        """Return the band of a population's curve where it is known for what is drawn."""
+        certainty, shown = self._shown.certainty, self._shown
+        if certainty is None or not certainty.is_of(self._populations, shown.factor, shown.by):
+            return None
+        found: Band | None = getattr(certainty, kind)[place]
+        return found if found is not None and np.isfinite(found.low).all() else None
+
+    def _shade(self, plot: BrushPlot, place: int, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+        """Draw a band between two curves."""
+        colour = QColor(self._colour(self._populations[place]))
+        colour.setAlpha(45)
+        ends = [pg.PlotCurveItem(x, np.asarray(y, float), pen=pg.mkPen(None)) for y in (low, high)]
+        self._add(plot, pg.FillBetweenItem(*ends, brush=colour), bounds=False)
 
     def show_everything(self) -> None:
         """Undo zooming."""
@@ -190,10 +232,16 @@ class DistributionPlot(PopulationPlot):
                 continue
             cdf = cumulative(values, weights)
             pen = self._pen(place, population)
+            band = self._band("cdf", place)
+            if band is not None:
+                self._shade(self.cdf, place, scale * band.x, band.low, band.high)
             self._line(self.cdf, np.repeat(cdf.values, 2), np.repeat([0.0, *cdf.shares], 2)[1:-1], pen)
             rises.append(self._points(place, population, rows, values, cdf(values)))
             ticks.append(self._points(place, population, rows, values, np.zeros(len(values))))
             self._draw_density(place, population, values, weights, edges)
+            band = self._band("density", place)
+            if band is not None:
+                self._shade(self.pdf, place, scale * band.x, band.low / scale, band.high / scale)
         self.cdf.set_points(rises)
         self.pdf.set_points(ticks)
         return ""
@@ -339,7 +387,8 @@ class SizePlot(PopulationPlot):
 
     def _draw(self) -> str:
         sieves = self._shown.sieves
-        curves = [(p, size_distribution(p, sieves)) for p in self._populations]
+        given = self._counts
+        curves = [(p, size_distribution(p, sieves, counts=given.get(id(p)))) for p in self._populations]
         unit = readable_scale(self._populations, "intermediate")[1]
         words = (
             factor_label("intermediate")
@@ -356,6 +405,9 @@ class SizePlot(PopulationPlot):
             if sieves is not None:
                 marks = {"symbol": SYMBOLS[place % 3], "symbolSize": 6, "symbolPen": None}
                 marks["symbolBrush"] = pg.mkBrush(self._colour(population))
+            band = self._band("finer", place) if id(population) not in given else None
+            if band is not None:
+                self._shade(self.plot, place, np.log10(band.x * factor), band.low, band.high)
             line = pg.PlotDataItem(sizes, curve.finer, pen=self._pen(place, population), **marks)
             self._add(self.plot, line)
             own = population.column("intermediate")
@@ -363,7 +415,30 @@ class SizePlot(PopulationPlot):
             x = np.log10(own[rows] * factor)
             groups.append(self._points(place, population, rows, x, np.interp(x, sizes, curve.finer)))
         self.plot.set_points(groups)
-        return ""
+        return self._draw_tables(curves, unit)
+
+    def _draw_tables(self, curves: Sequence[tuple[Population, SizeDistribution]], unit: str) -> str:
+        """Draw curves of laboratories, and return how far they are from the first population's."""
+        told = []
+        for place, measured in enumerate(self._tables):
+            x = np.log10(measured.curve.sizes * conversion_factor(measured.curve.unit, unit))
+            pen = pg.mkPen(self._theme.tokens.text, width=1.5, style=STYLES[(place + 1) % len(STYLES)])
+            self._add(
+                self.plot,
+                pg.PlotDataItem(
+                    x, measured.curve.finer, pen=pen, symbol="d", symbolSize=8, symbolPen=None,
+                    symbolBrush=pg.mkBrush(self._theme.tokens.text),
+                ),
+            )  # fmt: skip
+            gap, at = largest_gap(measured.curve, curves[0][1])
+            told.append(
+                tr(
+                    "{name}: {read} Largest difference of {population}: {gap:+.1f} % at {at:.3g} mm.",
+                    name=measured.name, read=measured.read_as, population=name_of(curves[0][0]),
+                    gap=gap, at=at,
+                )
+            )  # fmt: skip
+        return "\n".join(told)
 
 
 def pages(theme: Theme) -> dict[str, tuple[str, PopulationPlot]]:

@@ -64,8 +64,12 @@ class PopulationStation(Station):
         self.work.changed.connect(self.studio.refresh)
         self.studio.commands.bind(self.panel.measure_button, "populations.measure")
         self.studio.commands.bind(self.panel.report_button, "populations.report")
+        self.studio.commands.bind(self.panel.laboratory_button, "populations.laboratory")
         self.studio.commands.bind(self.dock.save, "populations.save_figure")
         self.studio.commands.bind(self.dock.copy, "populations.copy_figure")
+
+    def close(self) -> None:
+        self.panel.close_certainty()
 
     def enter(self) -> None:
         if self.studio.queue.running() is None:

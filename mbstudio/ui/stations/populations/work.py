@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +13,7 @@ from PySide6.QtCore import QObject, Signal
 
 from mbstudio.core.batch.processes import usable_cores
 from mbstudio.core.metrics.measuring import AxisConvention
-from mbstudio.core.populations import Population
+from mbstudio.core.populations import LaboratoryCurve, Population, border_weights
 from mbstudio.core.populations.measuring import (
     FEWEST_FOR_PROCESSES,
     Conventions,
@@ -232,22 +233,34 @@ class PopulationWork(Work):
             worked = max(0.1, seconds - (_STARTING if cores > 1 else 0.0))
             self._each = worked * cores / bodies / (DETAIL if detail else 1.0)
 
-    def write_report(self, path: Path, sieves: SieveSeries = "iso") -> Task | None:
+    def write_report(
+        self,
+        path: Path,
+        sieves: SieveSeries = "iso",
+        *,
+        tables: Sequence[LaboratoryCurve] = (),
+        border: bool = False,
+    ) -> Task | None:
         """Write the report of ``mbstudio report``, measuring first where that is to be done."""
         state, asked = self.workspace.state, self.wanted
         if not self.has_bodies or self.run.is_running:
             return None
         current = self.measured if self.is_current else None
         known = self._offers.known
-        name = self.workspace.project.path
+        name, given = self.workspace.project.path, list(tables)
 
         def work(control: Control) -> Measured:
+            from mbstudio.core.populations.findings import find_sizes
             from mbstudio.scene.reports.population_report import write_report
 
             measured = current or _measure(state, asked, control, known, 0.6)
-            begun = 0.0 if current else 0.6
+            begun, found = 0.0 if current else 0.6, measured.found.grains
+            counts = None
+            if border and state.grains is not None:
+                counts = border_weights(state.grains, found.labels.tolist())
+            findings = find_sizes(found, counts=counts, tables=given) if found.measured.any() else None
             write_report(
-                path, Project(state, name), measured.found, sieves=sieves,
+                path, Project(state, name), measured.found, sieves=sieves, findings=findings,
                 progress=lambda share, told: control.progress(begun + (1 - begun) * share, told),
             )  # fmt: skip
             return measured
@@ -255,6 +268,27 @@ class PopulationWork(Work):
         task = Task(tr("Writing {name}", name=path.name), work)
         task.succeeded.connect(self._keep_populations)
         return self.run.start(task)
+
+    def write_certificate(
+        self, path: Path, *, tables: Sequence[LaboratoryCurve] = (), border: bool = False
+    ) -> Task | None:
+        """Write the certificate of the sample on one page; None before anything was measured as asked."""
+        measured, state, given = self.measured, self.workspace.state, list(tables)
+        if measured is None or not self.is_current or self.run.is_running:
+            return None
+        name, found = self.workspace.project.path, measured.found
+
+        def work(_control: Control) -> Path:
+            from mbstudio.core.populations.findings import find_sizes
+            from mbstudio.scene.reports.certificate import write_certificate
+
+            counts = None
+            if border and state.grains is not None:
+                counts = border_weights(state.grains, found.grains.labels.tolist())
+            findings = find_sizes(found.grains, counts=counts, tables=given)
+            return write_certificate(path, Project(state, name), found, findings)
+
+        return self.run.start(Task(tr("Writing {name}", name=path.name), work))
 
     def _grow(self, report: Report) -> None:
         if isinstance(report.view, Growing):

@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 from itertools import pairwise
 
 import numpy as np
+import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtGui import QGuiApplication
@@ -14,9 +15,16 @@ from PySide6.QtTest import QTest
 from mbstudio.core.grains import load_labels
 from mbstudio.core.imaging import fit
 from mbstudio.core.metrics import FACTORS, Factor
-from mbstudio.core.populations import Population
+from mbstudio.core.populations import (
+    Bootstrap,
+    Population,
+    largest_gap,
+    needed_bodies,
+    read_laboratory_table,
+    size_distribution,
+)
 from mbstudio.core.project import Project, ProjectState
-from mbstudio.core.project.measuring import measure_project
+from mbstudio.core.project.measuring import ProjectPopulations, measure_project
 from mbstudio.scene.reports import population_report
 from mbstudio.ui.stations.populations.work import Measured
 from mbstudio.ui.widgets.brush_plot import points_inside
@@ -358,15 +366,15 @@ def test_figures_are_saved_and_copied(measured, idle, tmp_path):
 def test_the_report_is_written(measured, idle, tmp_path, monkeypatch):
     window = measured
     # All figures take seconds, and are drawn by the tests of the report.
-    draw = population_report.picture
-    one = lambda shown, sieves: [draw(population_report.zingg_figure(shown), "Zingg")]  # noqa: E731
+    draw = population_report.Picture
+    one = lambda shown, sieves, found: [draw(population_report.zingg_figure(shown), "Zingg")]  # noqa: E731
     monkeypatch.setattr(population_report, "_draw_figures", one)
     window.stations.populations.link.write_report(tmp_path / "sand.html")
     idle()
     assert window.messages.level == "success", window.messages.text
     text = (tmp_path / "sand.html").read_text(encoding="utf-8")
     HTMLParser().feed(text)
-    assert text.count("<figure>") == 1
+    assert text.count("<figure>") == 2, "and that of the specimen"
     assert "3 grains and 2 avatars" in text
     window.stations.populations.link.write_report(tmp_path / "missing" / "sand.html")
     idle()
@@ -395,7 +403,7 @@ def test_points_inside_a_dented_outline():
     assert points_inside(points, corners).tolist() == [True, False, True, True, False, False]
 
 
-def test_a_factor_that_is_added_to_the_table_can_be_chosen_and_drawn(opened, idle, sand):
+def test_a_factor_that_is_added_to_the_table_can_be_chosen_and_drawn(opened, idle, qtbot, sand):
     added = Factor(
         name="specific_surface", title="Specific surface", symbol="S_V", formula="A / V", power=-1,
         meaning="Surface area over volume", derive=lambda area, volume: area / volume,
@@ -419,3 +427,77 @@ def test_a_factor_that_is_added_to_the_table_can_be_chosen_and_drawn(opened, idl
         assert pdf.getAxis("bottom").labelText.endswith("⁻¹)")
         mean = opened.stations.populations.panel.statistics.text("Mean", 1)
         assert float(mean) > 0
+        qtbot.waitUntil(lambda: opened.stations.populations.panel.is_certain, timeout=PATIENCE)
+
+
+TABLE = "Maschenweite [mm];Siebdurchgang [%]\n0,1;0\n0,15;30\n0,2;80\n0,4;100\n"
+
+
+@pytest.fixture
+def many(window, idle, qtbot, sand):
+    """The window with forty measured grains, and their intervals found."""
+    rng = np.random.default_rng(1)
+    own = sand[1].grains
+    factors = {name: np.resize(column, 40) * rng.normal(1, 0.05, 40) for name, column in own.factors.items()}
+    made = Population(
+        "grains", "grains", np.arange(1, 41), factors, own.unit, own.axes, own.surface, ("",) * 40, ("",) * 40
+    )
+    window.workspace.replace_project(Project(sand[0]))
+    work = window.stations.populations.work
+    found = ProjectPopulations(made, None)
+    work._keep_populations(Measured(work.asked, sand[0], found))
+    work.changed.emit()
+    window.enter("populations")
+    idle()
+    qtbot.waitUntil(lambda: window.stations.populations.panel.is_certain, timeout=PATIENCE)
+    return window, made
+
+
+def test_intervals_bands_and_needs_follow_the_choice(many, qtbot):
+    window, made = many
+    panel, dock = window.stations.populations.panel, window.stations.populations.dock
+    for factor in ("sphericity", "elongation"):
+        choose_factor(panel, factor)
+        qtbot.waitUntil(lambda: panel.is_certain and panel.shown.certainty is not None, timeout=PATIENCE)
+        found = Bootstrap(made, samples=400).mean(factor)
+        low, high = (float(panel.statistics.text(row, 1)) for row in ("Mean from", "Mean to"))
+        assert (low, high) == pytest.approx((found.low, found.high), rel=2e-3)
+        bands = [item for plot, item in dock.page._drawn if isinstance(item, pg.FillBetweenItem)]
+        assert len(bands) == 2
+    needs = needed_bodies(made, 0.05, samples=400)
+    assert panel.needs.text("D50", 2).removesuffix(" ✓") == str(needs[2].needed)
+    panel.precision.setValue(20.0)
+    qtbot.waitUntil(lambda: panel.is_certain and panel.shown.certainty is not None, timeout=PATIENCE)
+    assert panel.needs.text("D50", 2).removesuffix(" ✓") == str(
+        needed_bodies(made, 0.2, samples=400)[2].needed
+    )
+
+
+def test_few_bodies_show_dashes_and_no_band(measured, qtbot):
+    panel, dock = measured.stations.populations.panel, measured.stations.populations.dock
+    qtbot.waitUntil(lambda: panel.is_certain and panel.shown.certainty is not None, timeout=PATIENCE)
+    assert panel.statistics.text("Mean from", 1) == "–"
+    assert panel.needs.text("D50", 1) == "–"
+    assert not any(isinstance(item, pg.FillBetweenItem) for _, item in dock.page._drawn)
+
+
+def test_a_laboratorys_table_stands_beside_the_curve(many, tmp_path, idle):
+    window, made = many
+    link, dock = window.stations.populations.link, window.stations.populations.dock
+    path = tmp_path / "sieb.csv"
+    path.write_text(TABLE, encoding="utf-8")
+    link.add_laboratory(path)
+    assert dock.page_name == "size"
+    gap, _ = largest_gap(read_laboratory_table(path).curve, size_distribution(made))
+    assert f"{gap:+.1f} %" in dock.page._note.text()
+    path.write_text(TABLE.replace("80", "8"), encoding="utf-8")
+    link.add_laboratory(path)
+    assert "must rise" in window.messages.text
+    assert f"{gap:+.1f} %" in dock.page._note.text(), "the table before stays"
+    sheet = tmp_path / "c.pdf"
+    link.write_certificate(sheet)
+    idle()
+    assert window.messages.level == "success", window.messages.text
+    assert sheet.read_bytes().startswith(b"%PDF")
+    assert window.commands.run("populations.remove_laboratory")
+    assert not link.has_laboratory
