@@ -53,6 +53,31 @@ def population_commands(
             enabled=lambda: work.has_bodies and not work.run.is_running,
         ),
         Command(
+            id="populations.save_figure",
+            title=tr("Save figure…"),
+            run=link.ask_figure,
+            menu="Populations",
+            icon="ph.download-simple",
+            tip=tr("Save the current plot as SVG, PNG or PDF"),
+            enabled=lambda: bool(work.populations) and not work.is_growing,
+        ),
+        Command(
+            id="populations.copy_figure",
+            title=tr("Copy figure"),
+            run=link.copy_figure,
+            menu="Populations",
+            icon="ph.copy",
+            tip=tr("Copy the current plot to the clipboard"),
+            enabled=lambda: bool(work.populations) and not work.is_growing,
+        ),
+    ]
+    return [*commands, *_laboratory(work, link), *_plots(space, open_page)]
+
+
+def _laboratory(work: PopulationWork, link: PopulationLink) -> list[Command]:
+    """Return what a laboratory asks for."""
+    return [
+        Command(
             id="populations.certificate",
             title=tr("Write certificate…"),
             run=link.ask_certificate,
@@ -79,25 +104,15 @@ def population_commands(
             enabled=lambda: link.has_laboratory,
         ),
         Command(
-            id="populations.save_figure",
-            title=tr("Save figure…"),
-            run=link.ask_figure,
+            id="populations.porosity",
+            title=tr("Porosity of the specimen"),
+            run=link.pores.measure,
             menu="Populations",
-            icon="ph.download-simple",
-            tip=tr("Save the current plot as SVG, PNG or PDF"),
-            enabled=lambda: bool(work.populations) and not work.is_growing,
-        ),
-        Command(
-            id="populations.copy_figure",
-            title=tr("Copy figure"),
-            run=link.copy_figure,
-            menu="Populations",
-            icon="ph.copy",
-            tip=tr("Copy the current plot to the clipboard"),
-            enabled=lambda: bool(work.populations) and not work.is_growing,
+            icon="ph.drop-half",
+            tip=tr("Measure porosity, its profiles and the representative box of the segmented scan"),
+            enabled=lambda: link.pores.has_specimen,
         ),
     ]
-    return [*commands, *_plots(space, open_page)]
 
 
 def _plots(space: Workspace, open_page: Callable[[str], object]) -> list[Command]:

@@ -26,6 +26,7 @@ from mbstudio.ui.language import tr
 from mbstudio.ui.stations.populations.dock import PopulationDock
 from mbstudio.ui.stations.populations.panel import PopulationPanel
 from mbstudio.ui.stations.populations.plots import Shown
+from mbstudio.ui.stations.populations.pores import PoreWork
 from mbstudio.ui.stations.populations.work import PopulationWork
 from mbstudio.ui.studio import Studio
 
@@ -51,6 +52,7 @@ class PopulationLink(QObject):
         self._studio, self._space = studio, studio.workspace
         self._work, self._panel, self._dock = work, panel, dock
         self._tables: list[LaboratoryCurve] = []
+        self.pores = PoreWork(studio, work)
         self._panel.shown_changed.connect(self._show)
         self._panel.certainty_changed.connect(self._show_certainty)
         self._dock.brushed.connect(self._brushed)

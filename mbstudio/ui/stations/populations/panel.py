@@ -68,6 +68,28 @@ class PopulationPanel(Panel):
                 "the bands of spherical harmonics: takes about five times as long"
             )
         )
+        self._add_factor()
+        self._add_sizes()
+        for field in (
+            self.scope, self.axes, self.factor, self.second, self.by, self.sieves, self.precision,
+        ):  # fmt: skip
+            field.setFixedWidth(_WIDE)
+        self.body.addStretch(1)
+        self._hint = label("", "hint", wrap=True)
+        self.measure_button = primary_button(tr("Measure"))
+        self.report_button = QPushButton(tr("Report…"))
+        self.report_button.setToolTip(
+            tr("Write tables and figures as one file (HTML, PDF or JSON), as “mbstudio report” does")
+        )
+        line = QHBoxLayout()
+        line.addWidget(self.measure_button, 1)
+        line.addWidget(self.report_button)
+        self.foot.addWidget(self._hint)
+        self.foot.addLayout(line)
+        self._connect()
+        self.refresh()
+
+    def _add_factor(self) -> None:
         self.factor, self.second, self.by, self.sieves = QComboBox(), QComboBox(), QComboBox(), QComboBox()
         self.by.addItem(tr("By number"), "number")
         self.by.addItem(tr("By mass"), "volume")
@@ -102,6 +124,8 @@ class PopulationPanel(Panel):
         self.sizes = ComparisonTable(tr("Sizes by mass"), SIZE_ROWS)
         self._sizes_note = label("", "hint", wrap=True)
         self.add(self.statistics)
+
+    def _add_sizes(self) -> None:
         self.add_heading(tr("Particle size by mass"))
         self.add(
             row(
@@ -138,24 +162,6 @@ class PopulationPanel(Panel):
             ),
             self.needs,
         )
-        for field in (
-            self.scope, self.axes, self.factor, self.second, self.by, self.sieves, self.precision,
-        ):  # fmt: skip
-            field.setFixedWidth(_WIDE)
-        self.body.addStretch(1)
-        self._hint = label("", "hint", wrap=True)
-        self.measure_button = primary_button(tr("Measure"))
-        self.report_button = QPushButton(tr("Report…"))
-        self.report_button.setToolTip(
-            tr("Write tables and figures as one file (HTML, PDF or JSON), as “mbstudio report” does")
-        )
-        line = QHBoxLayout()
-        line.addWidget(self.measure_button, 1)
-        line.addWidget(self.report_button)
-        self.foot.addWidget(self._hint)
-        self.foot.addLayout(line)
-        self._connect()
-        self.refresh()
 
     def _connect(self) -> None:
         for field, name in ((self.scope, "scope"), (self.axes, "axes")):

@@ -501,3 +501,13 @@ def test_a_laboratorys_table_stands_beside_the_curve(many, tmp_path, idle):
     assert sheet.read_bytes().startswith(b"%PDF")
     assert window.commands.run("populations.remove_laboratory")
     assert not link.has_laboratory
+
+
+def test_the_porosity_is_told_and_drawn(opened, idle, tmp_path):
+    assert opened.commands.run("populations.porosity")
+    idle()
+    labels = opened.workspace.state.grains.labels
+    assert opened.messages.text.startswith(f"Porosity {1 - np.count_nonzero(labels) / labels.size:.3f}")
+    opened.stations.populations.link.pores.save_figure(tmp_path / "pores.svg")
+    idle()
+    assert (tmp_path / "pores.svg").read_text("utf-8").count("<path") > 50
