@@ -156,9 +156,9 @@ def one_packing(
     grains = mb.segment(scan)
     of, pairs = matched(truth, grains), true_pairs(truth.bodies)
     before = TwinRun(scan, grains, n=n, workers=0)
-    before._run = before._begin()
-    fits = {body.label: before.frame.avatar_of(body.start, body.label, "") for body in before._run.bodies}
-    labels = contact_table(before._run)
+    bodies = before.begin().bodies
+    fits = {body.label: before.frame.avatar_of(body.start, body.label, "") for body in bodies}
+    labels = contact_table(before.begin())
     # Labels tell of no deviation: a gap of no more than what they are known to be wide is a contact.
     labels["probability"] = (labels["gap"] <= TOUCHING * _EDGE).astype(float)
     begun = time.process_time()

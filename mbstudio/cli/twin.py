@@ -71,7 +71,7 @@ def twin(
             project.hold("mbstudio twin", output)
             found = _fit(project, n, sweeps, seed, workers)
             facts, table, middles = _of_twin(found), found.contacts, found.middles()
-            project.add_fits(found.fits(project.grains), "Fit the twin")
+            project.add_fits(found.fits(project.grains), "Fit the twin", found.kept())
             inputs.save_results(project, output)
             facts["project"] = str(output)
         unit = project.grains.unit
@@ -104,7 +104,8 @@ def _fit(project: Project, n: int, sweeps: int, seed: int, workers: int | None) 
     run = start_twin(project.scan, project.grains, known, n, seed=seed, sweeps=sweeps, workers=workers)
     with console.progress("Fitting the twin") as report:
         for step in run:
-            report(step.done, f"sweep {step.sweep} of {step.sweeps}, misfit {step.misfit:.4f}")
+            told = f"sweep {step.sweep} of {step.sweeps}, misfit {step.misfit:.4f}"
+            report(step.done, told if step.sweep else "fitting grains to their labels")
     return run.result()
 
 
@@ -121,6 +122,8 @@ def _of_twin(found: TwinResult) -> dict[str, Any]:
         "misfit_before_percent": 100 * found.misfit_before,
         "misfit_percent": 100 * found.misfit,
     }
+    if levels.notes:
+        facts["mind"] = list(levels.notes)
     touching = found.contacts["probability"] >= 0.5
     return facts | (_told(found.fabric()) if touching.any() else {"contacts": 0})
 
@@ -155,14 +158,8 @@ def _told(fabric: Fabric) -> dict[str, Any]:
 def _write(
     table: pd.DataFrame, middles: dict[int, Any], unit: str, contacts: Path, network: Path | None
 ) -> None:
-    from mbstudio.core.replacement import replacing
-    from mbstudio.core.twin.network_files import write_network
+    from mbstudio.core.twin.contact_files import write_contact_network, write_contact_table
 
-    lengths = ("x", "y", "z", "gap", "gap_deviation", "branch_x", "branch_y", "branch_z")
-    named = table.rename(
-        columns={name: f"{name} [{unit}]" for name in lengths} | {"area": f"area [{unit}^2]"}
-    )
-    with replacing(contacts) as part:
-        named.to_csv(part, index=False)
+    write_contact_table(contacts, table, unit)
     if network is not None:
-        write_network(network, table[table["probability"] >= 0.5], middles, unit)
+        write_contact_network(network, table, middles, unit)

@@ -30,6 +30,7 @@ from mbstudio.ui.language import tr
 if TYPE_CHECKING:
     from mbstudio.core.cloning.surface_generation import SurfaceGeneration
     from mbstudio.core.cloning.surface_style import SurfaceStyle
+    from mbstudio.core.twin.kept_twin import KeptTwin
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
 
@@ -204,9 +205,9 @@ class Workspace(QObject):
             self.scan_changed.emit()
             self.state_changed.emit()
 
-    def add_fits(self, fits: Mapping[int, FitResult], title: str) -> None:
-        """Add or replace fits by label."""
-        self.project.add_fits(fits, title)
+    def add_fits(self, fits: Mapping[int, FitResult], title: str, twin: KeptTwin | None = None) -> None:
+        """Add or replace fits by label, and the twin that they are of, if they are of one."""
+        self.project.add_fits(fits, title, twin)
         self._announce()
 
     def edit_grains(self, edit: Edit, title: str) -> EditOutcome[GrainSet]:

@@ -128,6 +128,7 @@ def test_intervals_stand_beside_grain_and_avatar(mbstudio, fitted_project, tmp_p
     chosen = ("measure", fitted_project, "--grains", labels[0], "--workers", 0, "--intervals")
     ran = mbstudio(*chosen, "--unit", "mm", "--csv", tmp_path / "a.csv", "--json")
     assert ran.code == 0, ran.err
+    assert "labels as they are" in ran.err
     (told,) = json.loads(ran.out)["grains"]
     known = factor_intervals(Project.open(fitted_project).grains.grain(labels[0]), unit="mm")
     assert set(told["interval"]) == set(CORE_FACTORS)

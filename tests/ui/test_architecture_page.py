@@ -199,6 +199,6 @@ def test_the_groups_of_the_project_file(tmp_path, two_grains):
     assert written <= named
     assert named - written <= {
         "/scan", "/segmentation", "/style", "/clones", "/surfaces", "/surface_clones", "/kept", "/strokes",
-        "/classifier", "/packing",
+        "/classifier", "/packing", "/twin",
     }  # fmt: skip
     assert f"The format is number {SCHEMA}." in " ".join(text.split())

@@ -35,6 +35,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "grains": ("scan", "segmentation", "grains"),
     "style": ("style", "clones", "surfaces", "surface_clones"),
     "work": ("fits", "outdated", "fit_settings"),
+    "twin": ("twin",),
     "kept": ("kept",),
     "packing": ("packing",),
     "learning": ("strokes", "classifier"),

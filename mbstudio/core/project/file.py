@@ -1,7 +1,7 @@
 """The project file ``*.mbs``: an HDF5 file that holds a :class:`ProjectState`.
 
 The first 512 bytes are a header with the file's seal: see mbstudio.core.sealing. Any HDF5 program steps over
-it. Layout (schema 9); every text is UTF-8, nothing is pickled::
+it. Layout (schema 10); every text is UTF-8, nothing is pickled::
 
     /                attributes: format, schema, written_by
     /scan            attributes: where the scan lies and its digest, which part of the file it is, in how
@@ -19,12 +19,13 @@ it. Layout (schema 9); every text is UTF-8, nothing is pickled::
                      see mbstudio.core.project.style_table; only where there are some
     /kept, /packing  see mbstudio.core.project.kept_table; only where there are some
     /strokes, /classifier  see mbstudio.core.project.classifier_table; only where there are some
+    /twin            see mbstudio.core.project.fit_table; only where there is one
     /log             titles of the changes that led here, oldest first; only where there are some
 
 Schema 1 has neither style nor clones, schema 2 no kept grains, schema 3 no parts of scans, schema 4 no
 meshes, schema 5 no corrections by hand, schema 6 neither strokes nor a classifier, schema 7 no styles of
-surfaces, schema 8 no packing: a project is written in the lowest that holds it. No version minds a missing
-log.
+surfaces, schema 8 no packing, schema 9 no twin: a project is written in the lowest that holds it. No version
+minds a missing log.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from mbstudio.core.project.classifier_table import (
     write_classifier,
     write_strokes,
 )
-from mbstudio.core.project.fit_table import read_fits, write_fits
+from mbstudio.core.project.fit_table import read_fits, read_twin, write_fits, write_twin
 from mbstudio.core.project.grain_table import (
     PACKED,
     is_edited,
@@ -91,11 +92,12 @@ if TYPE_CHECKING:
     from mbstudio.core.scan.scan import VoxelArray
 
 FORMAT = "mbstudio project"
-SCHEMA = 9
+SCHEMA = 10
 _VOXELS = "scan/voxels"
 OF_BAD_CONTENTS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 """What numbers and JSON of another kind than expected lead to, wherever they are used."""
-_WITHOUT_PACKING, _WITHOUT_SURFACES, _WITHOUT_STROKES, _WITHOUT_EDITS, _WITHOUT_MESHES = 8, 7, 6, 5, 4
+_WITHOUT_TWIN, _WITHOUT_PACKING, _WITHOUT_SURFACES, _WITHOUT_STROKES = 9, 8, 7, 6
+_WITHOUT_EDITS, _WITHOUT_MESHES = 5, 4
 _WITHOUT_PARTS, _WITHOUT_KEPT, _WITHOUT_STYLE = 3, 2, 1
 
 
@@ -248,8 +250,10 @@ def _accept(root: Mapping[str, Any], path: Path) -> None:
 
 def _lowest_schema(state: ProjectState) -> int:
     """Return the lowest schema that holds a state: what older versions would lose unseen keeps them away."""
-    if state.packing is not None:
+    if state.twin is not None:
         return SCHEMA
+    if state.packing is not None:
+        return _WITHOUT_TWIN
     if state.surfaces is not None or state.surface_clones is not None:
         return _WITHOUT_PACKING
     if state.strokes or state.classifier is not None:
@@ -288,6 +292,8 @@ def _write_state(file: h5py.File, path: Path, state: ProjectState, voxels: Voxel
         write_classifier(file.create_group("classifier"), state.classifier)
     if state.packing is not None:
         write_packing_trial(file.create_group("packing"), state.packing)
+    if state.twin is not None:
+        write_twin(file.create_group("twin"), state.twin)
     if state.log:
         file.create_dataset("log", data=list(state.log), dtype=h5py.string_dtype("utf-8"))
 
@@ -331,6 +337,7 @@ def _read_state(stored: Stored, path: Path) -> ProjectState:
         strokes=read_strokes(stored.group("strokes")) if "strokes" in stored else (),
         classifier=read_classifier(stored.group("classifier"), path) if "classifier" in stored else None,
         packing=read_packing_trial(stored.group("packing")) if "packing" in stored else None,
+        twin=read_twin(stored.group("twin")) if "twin" in stored else None,
         log=tuple(stored.texts("log"))[-LOGGED_CHANGES:] if "log" in stored else (),
     )
 

@@ -1,4 +1,4 @@
-"""Fits as HDF5 datasets: one row a fit, and all control points and histories end to end.
+"""Fits and the twin as HDF5 datasets: one row a fit, and all control points and histories end to end.
 
 A group a fit would take seconds to write for thousands of grains; columns take milliseconds
 and can be read with any HDF5 program.
@@ -12,15 +12,22 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Any, get_args
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, get_args
 
 import h5py
 import numpy as np
 
+from mbstudio.core.errors import TwinError
 from mbstudio.core.imaging.steps import FitResult, FittedTo, Method
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.metaball.validity import Verdict
 from mbstudio.core.project.stored import ContentError, Stored, json_entries
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mbstudio.core.twin.kept_twin import KeptTwin
 
 _TEXT = h5py.string_dtype("utf-8")
 UNKNOWN_GENUS = -1
@@ -258,3 +265,123 @@ def _read_ragged(stored: Stored, name: str, rows: int, axes: int) -> list[np.nda
     if axes == 2 and joined.shape[1] != 3:
         raise ContentError(f"fits/{name} holds {joined.shape[1]} coordinates a point")
     return [joined[start:stop].copy() for start, stop in pairwise(offsets.tolist())]
+
+
+# ---- a twin: two tables, a column a dataset, and all control points end to end ---------------------
+
+_CONTACTS = {
+    "a": "i8", "b": "i8", "x": "f8", "y": "f8", "z": "f8", "nx": "f8", "ny": "f8", "nz": "f8", "gap": "f8",
+    "gap_deviation": "f8", "probability": "f8", "area": "f8", "kind": _TEXT, "branch_x": "f8",
+    "branch_y": "f8", "branch_z": "f8", "touches_border": "?",
+}  # fmt: skip
+_RESIDUALS = {
+    "label": "i8", "n": "i8", "rms": "f8", "peak": "f8", "buried": "f8", "moved": "f8", "converged": "?",
+    "shift": "f8", "touches_border": "?", "note": _TEXT,
+}  # fmt: skip
+_NUMBERS = ("voxel", "blur", "noise")
+_TEXTS = ("unit", "tone_model", "void_model")
+_MODELS = {"tone_model": ("constant", "linear"), "void_model": ("constant", "quadratic")}
+_PROFILES = ("along_x", "along_y", "along_z")
+_CONTACT_KINDS = {"point", "facet"}
+
+
+def write_twin(group: h5py.Group, twin: KeptTwin) -> None:
+    """Write a twin into an empty group."""
+    for name in (*_NUMBERS, *_TEXTS, "seed"):
+        group.attrs[name] = getattr(twin, name)
+    group["misfits"] = np.array(twin.misfits, dtype="f8")
+    group.attrs["porosity"] = twin.porosity.whole
+    for name in _PROFILES:
+        group[name] = getattr(twin.porosity, name)
+    group.create_dataset("notes", data=json.dumps({"notes": list(twin.notes)}), dtype=_TEXT)
+    _write_columns(group.create_group("contacts"), twin.contacts, _CONTACTS)
+    _write_columns(group.create_group("residuals"), twin.residuals, _RESIDUALS)
+    avatars = list(twin.avatars.values())
+    group["label"] = np.array(list(twin.avatars), dtype="i8")
+    group.create_dataset("name", data=[avatar.name for avatar in avatars], shape=(len(avatars),), dtype=_TEXT)
+    group["offsets"] = np.cumsum([0, *(avatar.n for avatar in avatars)], dtype="i8")
+    group["centers"] = np.concatenate([avatar.centers for avatar in avatars] or [np.empty((0, 3))])
+    group["weights"] = np.concatenate([avatar.weights for avatar in avatars] or [np.empty(0)])
+
+
+def _write_columns(group: h5py.Group, table: pd.DataFrame, kinds: dict[str, Any]) -> None:
+    for name, kind in kinds.items():
+        group.create_dataset(name, data=table[name].tolist(), shape=(len(table),), dtype=kind)
+
+
+def read_twin(stored: Stored) -> KeptTwin:
+    """Read a twin.
+
+    Raises
+    ------
+    ContentError
+        If something is missing, or holds what no twin can have.
+    AvatarError, UnitError
+        If control points or weights make no avatar.
+    """
+    from mbstudio.core.twin.kept_twin import KeptTwin
+    from mbstudio.core.twin.porosity import Porosity
+
+    facts: dict[str, Any] = {name: stored.attribute(name, float) for name in _NUMBERS}
+    facts |= {name: stored.attribute(name, str) for name in _TEXTS}
+    if not all(math.isfinite(facts[name]) and facts[name] > 0 for name in _NUMBERS):
+        raise ContentError("voxel, blur or noise of twin is no positive number")
+    for name, known in _MODELS.items():
+        if facts[name] not in known:
+            raise ContentError(f"twin/{name} is none of {', '.join(known)}")
+    labels = stored.numbers("label", "iu")
+    if len(np.unique(labels)) < len(labels):
+        raise ContentError("twin/label names a grain twice")
+    names = stored.texts("name", len(labels))
+    offsets = stored.numbers("offsets", "iu", rows=len(labels) + 1)
+    weights = stored.numbers("weights", "f")
+    centers = stored.numbers("centers", "f", axes=2, rows=len(weights))
+    if offsets[0] != 0 or offsets[-1] != len(weights) or (np.diff(offsets) < 1).any():
+        raise ContentError("twin/offsets do not part what twin/weights holds")
+    if centers.shape[1] != 3:
+        raise ContentError(f"twin/centers holds {centers.shape[1]} coordinates a point")
+    avatars = {
+        label: Avatar(centers[first:last].copy(), weights[first:last].copy(), facts["unit"], label, name)
+        for label, name, (first, last) in zip(labels.tolist(), names, pairwise(offsets.tolist()), strict=True)
+    }
+    contacts = _read_columns(stored.group("contacts"), _CONTACTS, {"gap", "gap_deviation"})
+    if not set(contacts["kind"]) <= _CONTACT_KINDS:
+        raise ContentError("twin/contacts/kind names a kind that there is not")
+    if not contacts["probability"].between(0.0, 1.0).all():
+        raise ContentError("twin/contacts/probability holds what is no probability")
+    residuals = _read_columns(stored.group("residuals"), _RESIDUALS, {"moved", "shift"})
+    whole = stored.attribute("porosity", float)
+    if not 0.0 <= whole <= 1.0:
+        raise ContentError("attribute porosity of twin is no share")
+    porosity = Porosity(whole, *(stored.numbers(name, "f", finite=False) for name in _PROFILES))
+    notes = stored.entries("notes").get("notes")
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise ContentError("twin/notes holds no notes")
+    try:
+        return KeptTwin(
+            MappingProxyType(avatars),
+            contacts,
+            residuals,
+            misfits=tuple(stored.numbers("misfits", "f").tolist()),
+            porosity=porosity,
+            notes=tuple(notes),
+            seed=stored.attribute("seed", int),
+            **facts,
+        )
+    except TwinError as error:
+        raise ContentError(str(error)) from None
+
+
+def _read_columns(stored: Stored, kinds: dict[str, Any], unknown: set[str]) -> pd.DataFrame:
+    """Return a table; columns in `unknown` may hold numbers that are not finite."""
+    import pandas as pd  # imported late: it takes a third of a second
+
+    columns: dict[str, Any] = {}
+    rows: int | None = None
+    for name, kind in kinds.items():
+        if kind is _TEXT:
+            columns[name] = stored.texts(name, rows)
+        else:
+            columns[name] = stored.numbers(name, _KINDS[kind], rows=rows, finite=name not in unknown)
+        rows = len(columns[name])
+    return pd.DataFrame(columns)

@@ -95,6 +95,7 @@ def merge_states(base: ProjectState | None, ours: ProjectState, theirs: ProjectS
         strokes=theirs.strokes if ours.strokes is begun.strokes else ours.strokes,
         packing=theirs.packing if ours.packing is begun.packing else ours.packing,
         classifier=theirs.classifier if ours.classifier is begun.classifier else ours.classifier,
+        twin=theirs.twin if ours.twin is begun.twin else ours.twin,
     )
     added = len(fits.keys() - ours.fits.keys()) + kept_added
     return Merge(state, added, tuple(sorted(in_both)))

@@ -34,6 +34,7 @@ from mbstudio.core.units import VoxelSize
 
 if TYPE_CHECKING:
     from mbstudio.core.grains.segmentation import SegmentationSettings
+    from mbstudio.core.twin.kept_twin import KeptTwin
 
 
 class Project:
@@ -236,16 +237,20 @@ class Project:
         reference = reference or refer_to(scan, embed=embed)
         self._open_scans[reference.identity] = scan
         # What was painted lies in the scan before; what was learned from it may serve this one.
-        begun = replace(self.state, scan=reference, grains=None, fits=ProjectState().fits, strokes=())
+        none = ProjectState().fits
+        begun = replace(self.state, scan=reference, grains=None, fits=none, strokes=(), twin=None)
         return self._push(begun, title)
 
-    def add_fits(self, fits: Mapping[int, FitResult], title: str = "Fit avatars") -> ProjectState:
-        """Add (or replace) fits by label."""
+    def add_fits(
+        self, fits: Mapping[int, FitResult], title: str = "Fit avatars", twin: KeptTwin | None = None
+    ) -> ProjectState:
+        """Add (or replace) fits by label, and the twin that they are of, if they are of one."""
         journal = self._journals.of(self.state.grains)
         if journal is not None:
             for label, fit in fits.items():
                 journal.keep(label, fit)
-        state = self._push(self.state.with_fits(fits), title)
+        state = self.state.with_fits(fits)
+        state = self._push(state if twin is None else replace(state, twin=twin), title)
         if journal is not None:
             journal.enter(fits)
         return state

@@ -81,6 +81,7 @@ def regrain(
             segmentation=settings,
             fits=MappingProxyType({}),
             outdated=MappingProxyType({}),
+            twin=None,
         )
         return Regraining(changed, 0, (), (), MappingProxyType({}))
     replayed = replay(before.edits, grains, scan)
@@ -91,12 +92,17 @@ def regrain(
         for label, fit in state.outdated.items()
         if label in matched and state.fits.get(label) is fit
     }
+    # Its contacts hang on all grains together, under their numbers.
+    same = len(matched) == len(before) == len(replayed.grains) and all(
+        label == number for label, number in matched.items()
+    )
     changed = replace(
         state,
         grains=replayed.grains,
         segmentation=settings,
         fits=MappingProxyType({label: fits[label] for label in sorted(fits)}),
         outdated=MappingProxyType({label: outdated[label] for label in sorted(outdated)}),
+        twin=state.twin if same else None,
     )
     discarded = tuple(sorted(label for label in state.fits if label not in matched))
     return Regraining(changed, len(fits), discarded, replayed.left_out, MappingProxyType(matched))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mbstudio.core.grains.grain_set import GrainSet
     from mbstudio.core.grains.segmentation import SegmentationSettings
     from mbstudio.core.packing.trial import PackingTrial
+    from mbstudio.core.twin.kept_twin import KeptTwin
     from mbstudio.core.vae.generate.generation import Generation
     from mbstudio.core.vae.models.style_learner import StyleLearner
     from mbstudio.core.vae.shaping.kept_grain import KeptGrain
@@ -100,6 +101,8 @@ class ProjectState:
         New grains made last of those surfaces.
     packing : PackingTrial or None
         The packings made last, of avatars, clones or spheres.
+    twin : KeptTwin or None
+        All avatars fitted together to the grey values of the scan, of the grains as they are now.
     kept : tuple of KeptGrain
         Grains shaped by hand, of any style-learner that the project had.
     outdated : mapping of int to FitResult
@@ -128,6 +131,7 @@ class ProjectState:
     surfaces: SurfaceStyle | None = None
     surface_clones: SurfaceGeneration | None = None
     packing: PackingTrial | None = None
+    twin: KeptTwin | None = None
 
     @property
     def new_grains(self) -> Generation | SurfaceGeneration | None:
@@ -167,13 +171,19 @@ class ProjectState:
     def with_edit(self, outcome: EditOutcome[GrainSet]) -> ProjectState:
         """Return this state with its grains corrected by hand.
 
-        Avatars of grains that are no more go, those of grains that have changed are marked.
+        Avatars of grains that are no more go, those of grains that have changed are marked. A twin goes when
+        voxels change hands: its contacts are of the grains before.
         """
         fits = {label: fit for label, fit in self.fits.items() if label not in outcome.gone}
         marked = (self.changed_labels | outcome.changed) & fits.keys()
         outdated = {label: fits[label] for label in sorted(marked)}
+        same = self.grains is not None and outcome.grains.label_volume is self.grains.label_volume
         return replace(
-            self, grains=outcome.grains, fits=MappingProxyType(fits), outdated=MappingProxyType(outdated)
+            self,
+            grains=outcome.grains,
+            fits=MappingProxyType(fits),
+            outdated=MappingProxyType(outdated),
+            twin=self.twin if same else None,
         )
 
     def with_fits(self, added: Mapping[int, FitResult]) -> ProjectState:

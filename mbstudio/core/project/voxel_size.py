@@ -141,8 +141,10 @@ def _without_bodies(state: ProjectState, before: ProjectState) -> tuple[ProjectS
         if len(state.fits) > 1:
             which = f"{len(state.fits)} avatars no longer lie on their grains: they are removed"
         notes.append(f"The voxels change their form, so that {which}. Fit the grains again.")
+    if state.twin is not None:
+        notes.append("The twin and its contacts go too.")
     empty: Mapping[int, FitResult] = MappingProxyType({})
-    found = replace(state, fits=empty, outdated=empty)
+    found = replace(state, fits=empty, outdated=empty, twin=None)
     if state.style is not None:
         if _is_of_these_grains(state.style, before):
             notes.append("The style of these grains, its clones and the grains kept of it go too.")
@@ -166,7 +168,8 @@ def _with_scaled_bodies(
 ) -> tuple[ProjectState, tuple[str, ...]]:
     fits = {label: _scaled_fit(fit, new.unit, factor) for label, fit in state.fits.items()}
     outdated = {label: fits[label] for label, fit in state.outdated.items() if state.fits.get(label) is fit}
-    found = replace(state, fits=MappingProxyType(fits), outdated=MappingProxyType(outdated))
+    twin = None if state.twin is None else state.twin.scaled(new.unit, factor)
+    found = replace(state, fits=MappingProxyType(fits), outdated=MappingProxyType(outdated), twin=twin)
     if state.surfaces is not None:
         if not _has_surfaces_of_these_grains(state.surfaces, before):
             return found, (_OTHER_STYLE,)

@@ -31,6 +31,8 @@ class FabricTensor:
         ``sqrt(3/2 D:D)`` of ``D = 15/2 (F - I/3)``: 0 where no direction is preferred.
     anisotropy_interval : tuple of float
         Within which it lies with 95 %, by drawing the directions again and again.
+    half_width : float array, shape (3, 3)
+        Half of the interval in which each number of the tensor lies with 95 %, likewise.
     count : int
         Directions.
     """
@@ -41,6 +43,7 @@ class FabricTensor:
     anisotropy: float
     anisotropy_interval: tuple[float, float]
     count: int
+    half_width: Float64[np.ndarray, "3 3"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,8 @@ class Fabric:
     normal, branch : FabricTensor
         Of the contacts' normals, and of the directions of the branch vectors.
     contacts : int
+    long_axis : FabricTensor or None
+        Of the grains' longest axes, where they are known.
     """
 
     coordination: dict[int, int]
@@ -63,6 +68,7 @@ class Fabric:
     normal: FabricTensor
     branch: FabricTensor
     contacts: int
+    long_axis: FabricTensor | None = None
 
 
 def fabric_tensor(directions: Float64[np.ndarray, "m 3"], seed: int = 0) -> FabricTensor:
@@ -80,11 +86,12 @@ def fabric_tensor(directions: Float64[np.ndarray, "m 3"], seed: int = 0) -> Fabr
     tensor = dyads.mean(axis=0)
     values, vectors = np.linalg.eigh(tensor)
     drawn = np.random.default_rng(seed).integers(len(unit), size=(_DRAWS, len(unit)))
-    spread = anisotropy(np.array([dyads[rows].mean(axis=0) for rows in drawn]))
-    low, high = np.percentile(spread, (2.5, 97.5))
+    again = np.array([dyads[rows].mean(axis=0) for rows in drawn])
+    low, high = np.percentile(anisotropy(again), (2.5, 97.5))
+    ends = np.percentile(again, (2.5, 97.5), axis=0)
     return FabricTensor(
         tensor, values[::-1].copy(), vectors.T[::-1].copy(), float(anisotropy(tensor)),
-        (float(low), float(high)), len(unit),
+        (float(low), float(high)), len(unit), 0.5 * (ends[1] - ends[0]),
     )  # fmt: skip
 
 

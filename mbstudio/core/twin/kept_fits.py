@@ -31,8 +31,10 @@ def usual_limits(residuals: pd.DataFrame) -> pd.Series:
     residuals : pandas.DataFrame
         Of the twin.
     """
-    peak = max(MOST_PEAK, _MOST_OF_PEAKS * float(residuals["peak"].median()))
-    moved = max(CONVERGED, _MOST_OF_MOVES * float(residuals["moved"].median()))
+    # Of two grains the better one is what is usual.
+    usual = residuals[["peak", "moved"]].quantile(0.5, interpolation="lower")
+    peak = max(MOST_PEAK, _MOST_OF_PEAKS * float(usual["peak"]))
+    moved = max(CONVERGED, _MOST_OF_MOVES * float(usual["moved"]))
     return pd.Series({"peak": peak, "moved": moved})
 
 

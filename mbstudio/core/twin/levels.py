@@ -17,7 +17,9 @@ _MOST_PORES = 200_000
 _PORE_DISTANCES = (3.0, 2.0, 1.0)  # voxels from all grains
 _CORE_DEPTH = 3.0  # voxels
 _FEWEST_OF_CORE = 60
-_MOST_SATURATED = 0.05  # of a core's voxels at the highest value
+_MOST_SATURATED = 0.05  # of a core's voxels at the end of the range
+_MOST_CUT = 0.5  # of the pores' voxels at the other end: with more their median is not known
+_TOLD_CUT = 0.05
 _LEAST_NOISE = 0.004  # contrasts: below it the model's own errors decide
 _LEAST_CONTRAST = 1.0  # deviations of the noise
 _LEAST_DRIFT = 0.01  # contrasts that a tone changes by from a grain's middle to its surface
@@ -44,6 +46,8 @@ class Levels:
         Whether a grain's tone may change linearly from place to place.
     void_noise, grain_noise : float
         Standard deviations in pores and in the cores of grains.
+    notes : tuple of str
+        What is to be minded, in sentences.
     """
 
     void: float
@@ -53,6 +57,7 @@ class Levels:
     tone_model: ToneModel
     void_noise: float
     grain_noise: float
+    notes: tuple[str, ...] = ()
 
     @property
     def void_model(self) -> str:
@@ -144,19 +149,57 @@ def core_of(mask: Bool[np.ndarray, "z y x"]) -> Bool[np.ndarray, "z y x"]:
     return deep if deep.any() else mask
 
 
-def require_unsaturated(label: int, core: np.ndarray, highest: float) -> None:
+def require_unsaturated(label: int, core: np.ndarray, end: float, side: str) -> None:
     """Refuse a grain whose tone the scan's range cuts off.
+
+    Parameters
+    ----------
+    label : int
+    core : array
+        Grey values.
+    end : float
+        The scan's highest value, or its lowest where grains are the darker.
+    side : str
+        'highest' or 'lowest'.
 
     Raises
     ------
     TwinError
-        If more than a few voxels of its core have the scan's highest value.
+        If more than a few voxels of its core have that value.
     """
-    if float(np.mean(core >= highest)) > _MOST_SATURATED:
+    if float(np.mean(core == end)) > _MOST_SATURATED:
         raise TwinError(
-            f"Grain {label} is saturated: its voxels are at the scan's highest value {highest:g}. "
+            f"Grain {label} is saturated: its voxels are at the scan's {side} value {end:g}. "
             "Export the scan with a wider grey range, or exclude the grain."
         )
+
+
+def noise_of_pores(values: np.ndarray, end: float, side: str) -> tuple[float, tuple[str, ...]]:
+    """Return the noise of pores that the scan's range may cut off at `end`, and what to mind of it.
+
+    Where a part of them is cut off the noise is that of the other side; their median is still right.
+
+    Raises
+    ------
+    TwinError
+        If more than half of them have the end's value: then their level is not known.
+    """
+    share = float(np.mean(values == end))
+    if share <= _TOLD_CUT:
+        return spread(values), ()
+    if share > _MOST_CUT:
+        raise TwinError(
+            f"{100 * share:.0f} % of the pore voxels are at the scan's {side} value {end:g}: its range cuts "
+            "the pores off, and their level is not known. Export the scan with a wider grey range."
+        )
+    middle = float(np.median(values))
+    other = values[values > middle] if side == "lowest" else values[values < middle]
+    noise = 1.4826 * float(np.median(np.abs(other - middle))) if len(other) else 0.0
+    told = (
+        f"{100 * share:.0f} % of the pore voxels are at the scan's {side} value {end:g}: surfaces may lie "
+        "too far outside. Export the scan with a wider grey range."
+    )
+    return noise, (told,)
 
 
 class ToneTrial:

@@ -17,6 +17,7 @@ from mbstudio.core.twin.levels import (
     core_of,
     find_pores,
     least_noise,
+    noise_of_pores,
     require_contrast,
     require_grey,
     require_unsaturated,
@@ -111,23 +112,19 @@ def find_levels(
     """
     require_grey(voxels, seen)
     pores = find_pores(labels, seen)
-    void, void_noise = float(np.median(voxels[pores])), spread(voxels[pores])
-    highest = float(voxels[seen].max())
-    # Where nothing is noisy, many voxels of one value are no sign that the range ends there.
-    may_end = void_noise > 0 or (stored.kind in "iu" and highest >= np.iinfo(stored).max)
+    void = float(np.median(voxels[pores]))
     cores: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}
     for row in rows:
         box = box_of(row, labels.shape, 1)
         core = core_of((labels[box] == row["label"]) & seen[box])
         values = voxels[box][core].astype(np.float64)
         if len(values):
-            if may_end:
-                require_unsaturated(row["label"], values, highest)
             places = np.argwhere(core)[:, ::-1].astype(np.float64)
             cores[row["label"]] = (values, places - places.mean(axis=0), float(np.cbrt(row["voxels"] * 0.24)))
     tones = {label: float(np.median(values)) for label, (values, _, _) in cores.items()}
     contrast = float(np.median(list(tones.values()))) - void
     noise = float(np.median([spread(values) for values, _, _ in cores.values()]))
+    void_noise, notes = _look_at_the_range(voxels, pores, seen, cores, contrast, noise, stored)
     require_contrast(contrast, max(noise, void_noise))
     trial = ToneTrial()
     for values, places, radius in cores.values():
@@ -135,8 +132,44 @@ def find_levels(
     void, by_place = void_shape(voxels, pores, contrast)
     return Levels(
         void, by_place, contrast, tones, trial.decide(contrast), least_noise(void_noise, contrast),
-        least_noise(noise, contrast),
+        least_noise(noise, contrast), notes,
     )  # fmt: skip
+
+
+def _look_at_the_range(
+    voxels: Float32[np.ndarray, "Z Y X"],
+    pores: Bool[np.ndarray, "Z Y X"],
+    seen: Bool[np.ndarray, "Z Y X"],
+    cores: Mapping[int, tuple[np.ndarray, np.ndarray, float]],
+    contrast: float,
+    noise: float,
+    stored: np.dtype,
+) -> tuple[float, tuple[str, ...]]:
+    """Refuse grains and pores that the range of the grey values cuts off; return the noise in the pores.
+
+    Raises
+    ------
+    TwinError
+        If one is.
+    """
+    values = voxels[pores]
+    ends = {"lowest": float(voxels[seen].min()), "highest": float(voxels[seen].max())}
+    limits = np.iinfo(stored) if stored.kind in "iu" else None
+    for_pores, for_grains = ("lowest", "highest") if contrast > 0 else ("highest", "lowest")
+    at_end = {
+        "lowest": limits is not None and ends["lowest"] <= limits.min,
+        "highest": limits is not None and ends["highest"] >= limits.max,
+    }
+    # Where nothing is noisy, many voxels of one value are no sign that the range ends there; nor are they
+    # where whole grey values are coarser than the noise.
+    noisy = noise > 0 or spread(values) > 0
+    if noisy or at_end[for_grains]:
+        for label, (grey, _, _) in cores.items():
+            require_unsaturated(label, grey, ends[for_grains], for_grains)
+    wide = 2.0 if limits is not None else 0.0
+    if at_end[for_pores] or (noisy and max(noise, spread(values)) > wide):
+        return noise_of_pores(values, ends[for_pores], for_pores) if noisy else (0.0, ())
+    return spread(values), ()
 
 
 def place_bodies(

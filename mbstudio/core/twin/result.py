@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -14,8 +15,10 @@ from mbstudio.core.imaging.steps import FitResult
 from mbstudio.core.metaball.avatar import Avatar
 from mbstudio.core.twin.fabric import Fabric, measure_fabric
 from mbstudio.core.twin.kept_fits import fit_of_twin, usual_limits
+from mbstudio.core.twin.kept_twin import KeptTwin
 from mbstudio.core.twin.levels import Levels
 from mbstudio.core.twin.middles import middle_of_volume
+from mbstudio.core.twin.porosity import porosity_of
 from mbstudio.core.twin.residuals import residual_volume
 from mbstudio.core.twin.sweeps import Sweeps
 
@@ -70,6 +73,15 @@ class TwinResult:
         """
         cut = frozenset(self.residuals.loc[self.residuals["touches_border"], "label"].tolist())
         return measure_fabric(self.contacts, list(self.avatars), cut, seed=seed)
+
+    def kept(self) -> KeptTwin:
+        """Return what a project keeps of it."""
+        levels, run = self.levels, self._run
+        return KeptTwin(
+            MappingProxyType(dict(self.avatars)), self.contacts, self.residuals, self.unit, run.frame.edge,
+            self.blur, levels.grain_noise / abs(levels.contrast), levels.tone_model, levels.void_model,
+            tuple(run.misfits), porosity_of(run), levels.notes, self.seed,
+        )  # fmt: skip
 
     def middles(self) -> dict[int, Float64[np.ndarray, "3"]]:
         """Return the middle of each avatar's volume (x, y, z) in the unit of the scan."""

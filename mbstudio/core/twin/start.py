@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -45,17 +46,8 @@ def ball_for(grain: Grain) -> Avatar:
     )
 
 
-def fit_missing(
-    grains: GrainSet,
-    known: Mapping[int, Avatar | FitResult],
-    labels: list[int],
-    n: int,
-    noise: float,
-    seed: int,
-    workers: int | None,
-    progress: Callable[[float, str], None] | None = None,
-) -> tuple[dict[int, Avatar], dict[int, FitResult]]:
-    """Return an avatar of each grain to start from, and the fits to labels that they are of, where they are.
+class LabelFits:
+    """The avatars from which a twin starts: iterate to fit those that are missing to their labels.
 
     Parameters
     ----------
@@ -69,31 +61,60 @@ def fit_missing(
         Of the scan in contrasts.
     seed, workers
         As in :func:`~mbstudio.core.batch.many_fits.fit_many`.
+
+    Attributes
+    ----------
+    fits : dict of int to FitResult
+        The fits to labels, where there are some.
     """
-    wanted = set(labels)
-    fits = {label: fit for label, fit in known.items() if label in wanted and isinstance(fit, FitResult)}
-    found = {
-        label: fit.avatar if isinstance(fit, FitResult) else fit
-        for label, fit in known.items()
-        if label in wanted
-    }
-    voxels = dict(zip(grains.table["label"].tolist(), grains.table["voxels"].tolist(), strict=True))
-    by_number: dict[int, list[int]] = {}
-    for label in labels:
-        if label not in found:
-            by_number.setdefault(number_for(int(voxels[label]), n, noise), []).append(label)
-    missing = sum(map(len, by_number.values()))
-    for number, some in sorted(by_number.items(), reverse=True):
-        hands = workers if len(some) >= _WORTH_PROCESSES else 0
-        for item in fit_many(grains, some, n=number, seed=seed, workers=hands):
-            if item.result is not None:
-                found[item.label] = item.result.avatar
-                fits[item.label] = replace(item.result, n=n)
-            else:
-                found[item.label] = ball_for(grains.grain(item.label))
-            if progress is not None:
-                progress(len(found) / max(missing, 1), "Fitting labels")
-    return {label: found[label] for label in labels}, fits
+
+    def __init__(
+        self,
+        grains: GrainSet,
+        known: Mapping[int, Avatar | FitResult],
+        labels: list[int],
+        n: int,
+        noise: float,
+        seed: int,
+        workers: int | None,
+    ) -> None:
+        wanted = set(labels)
+        self.fits = {
+            label: fit for label, fit in known.items() if label in wanted and isinstance(fit, FitResult)
+        }
+        self._found = {
+            label: fit.avatar if isinstance(fit, FitResult) else fit
+            for label, fit in known.items()
+            if label in wanted
+        }
+        self._grains, self._labels, self._n, self._noise = grains, labels, n, noise
+        self._seed, self._workers = seed, workers
+
+    @property
+    def avatars(self) -> dict[int, Avatar]:
+        """An avatar of each grain, in the order of the labels; after the iteration."""
+        return {label: self._found[label] for label in self._labels}
+
+    def __iter__(self) -> Iterator[float]:
+        """Fit the missing ones; yield after each which share of them is done."""
+        grains, n = self._grains, self._n
+        voxels = dict(zip(grains.table["label"].tolist(), grains.table["voxels"].tolist(), strict=True))
+        by_number: dict[int, list[int]] = {}
+        for label in self._labels:
+            if label not in self._found:
+                by_number.setdefault(number_for(int(voxels[label]), n, self._noise), []).append(label)
+        missing, done = sum(map(len, by_number.values())), 0
+        for number, some in sorted(by_number.items(), reverse=True):
+            hands = self._workers if len(some) >= _WORTH_PROCESSES else 0
+            with closing(fit_many(grains, some, n=number, seed=self._seed, workers=hands)) as items:  # type: ignore[type-var]  # a generator
+                for item in items:
+                    if item.result is not None:
+                        self._found[item.label] = item.result.avatar
+                        self.fits[item.label] = replace(item.result, n=n)
+                    else:
+                        self._found[item.label] = ball_for(grains.grain(item.label))
+                    done += 1
+                    yield done / missing
 
 
 def middle_and_radius(control: Float64[np.ndarray, "4 n"]) -> tuple[Float64[np.ndarray, "3"], float]:

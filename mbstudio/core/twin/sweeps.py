@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int
+from jaxtyping import Bool, Float32, Float64, Int
 
 from mbstudio.core.twin.body import HUBER, Body, Share, Surroundings, advance, render, surface_change
 from mbstudio.core.twin.frame import Frame
@@ -29,13 +29,14 @@ class TwinStep:
     Attributes
     ----------
     sweep, sweeps : int
-        Which sweep of how many.
+        Which sweep of how many; 0 while grains are fitted to their labels.
     done : float
         Share of the whole work.
     blur : float
-        In voxels.
+        In voxels; NaN before the first sweep.
     misfit : float
-        Root mean square residual near the surfaces so far in this sweep, in contrasts.
+        Root mean square residual near a grain's surface in contrasts, median of the grains that this sweep
+        has come to; NaN before the first.
     """
 
     sweep: int
@@ -92,6 +93,7 @@ class Sweeps:
         self.grey = self._normalised()
         self.model = np.zeros_like(self.grey)
         self.misfit_at_start = float("nan")
+        self.misfits: list[float] = []
         self._steps = self._all_steps()
 
     def __iter__(self) -> Iterator[TwinStep]:
@@ -179,6 +181,7 @@ class Sweeps:
                 for body, added in zip(some, pool.map(self._start_one, some), strict=True):
                     self.model[body.box] += added.reshape(body.shape)
             self.misfit_at_start = self.misfit()
+            self.misfits = [self.misfit_at_start]
             done, total = 0, self.sweeps * len(self.bodies)
             for sweep in range(1, self.sweeps + 1):
                 checks = sweep in (self.sweeps, max(1, self.sweeps // 2))
@@ -188,9 +191,10 @@ class Sweeps:
                     found = pool.map(lambda body, checks=checks: self._visit(body, checks), some)
                     sums += zip(group, found, strict=True)
                     done += len(group)
-                    squares, count = sum(v.squares for _, v in sums), sum(v.voxels for _, v in sums)
-                    rms = float(np.sqrt(squares / max(count, 1)))
-                    yield TwinStep(sweep, self.sweeps, done / total, self.blur, rms)
+                    rms = [np.sqrt(visit.squares / visit.voxels) for _, visit in sums if visit.voxels]
+                    so_far = float(np.median(rms)) if rms else 0.0
+                    yield TwinStep(sweep, self.sweeps, done / total, self.blur, so_far)
+                self.misfits.append(so_far)
                 if sweep < self.sweeps:
                     self._step_blur([visit for _, visit in sorted(sums, key=lambda pair: pair[0])])
                     self._step_void()
@@ -217,11 +221,22 @@ class Sweeps:
 
         Bright minerals in a few grains, or a few wrong labels, do not show in it.
         """
-        found = []
+        found = [float(np.sqrt((rest**2).mean())) for rest in self._residuals()]
+        return float(np.median(found)) if found else 0.0
+
+    def _residuals(self) -> Iterator[Float64[np.ndarray, "m"]]:
+        """Yield by body what is left near its surface, in contrasts."""
         for body in self.bodies:
             near = render(body, self.frame.spacing, body.blur).feet.places
             kept = near[self.seen[body.box].ravel()[near]]
-            rest = (self.grey[body.box] - self.model[body.box]).ravel()[kept].astype(np.float64)
-            if len(rest):
-                found.append(float(np.sqrt((rest**2).mean())))
-        return float(np.median(found)) if found else 0.0
+            if len(kept):
+                yield (self.grey[body.box] - self.model[body.box]).ravel()[kept].astype(np.float64)
+
+    def residual_slice(self, axis: int, index: int) -> Float32[np.ndarray, "h w"]:
+        """Return scan less model in contrasts on a slice across an axis (0 z, 1 y, 2 x); 0 where not seen.
+
+        May be asked for while another thread sweeps: voxels are then as they are at that moment.
+        """
+        where = (slice(None),) * axis + (index,)
+        found: np.ndarray = np.where(self.seen[where], self.grey[where] - self.model[where], np.float32(0.0))
+        return found

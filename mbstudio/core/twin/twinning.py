@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float32
@@ -21,10 +22,11 @@ from mbstudio.core.twin.frame import Frame
 from mbstudio.core.twin.placing import find_levels, guess_blur, place_bodies
 from mbstudio.core.twin.residuals import residual_table
 from mbstudio.core.twin.result import TwinResult
-from mbstudio.core.twin.start import fit_missing
+from mbstudio.core.twin.start import LabelFits
 from mbstudio.core.twin.sweeps import Sweeps, TwinStep
 
 _MOST_UNEVEN = 1.5  # longest edge of a voxel over the shortest
+_SHARE_OF_LABELS = 0.5  # of the work, where all grains are fitted to their labels first
 
 
 class TwinRun:
@@ -55,6 +57,7 @@ class TwinRun:
         self.frame = Frame.of(self.scan)
         self._run: Sweeps | None = None
         self._fits: dict[int, FitResult] = {}
+        self._share_of_labels = 0.0
         self._steps = self._all_steps()
 
     def __iter__(self) -> Iterator[TwinStep]:
@@ -64,11 +67,25 @@ class TwinRun:
         with one_thread():
             return next(self._steps)
 
-    def _all_steps(self) -> Iterator[TwinStep]:
-        self._run = self._begin()
-        yield from self._run
+    @property
+    def sweeping(self) -> Sweeps | None:
+        """The sweeps as they stand; None as long as grains are fitted to their labels."""
+        return self._run
 
-    def _begin(self) -> Sweeps:
+    def begin(self) -> Sweeps:
+        """Fit what is missing to the labels, and return the sweeps before the first of them."""
+        while self._run is None:
+            next(self)
+        return self._run
+
+    def _all_steps(self) -> Iterator[TwinStep]:
+        yield from self._begin()
+        assert self._run is not None
+        yield TwinStep(0, self.sweeps, self._share_of_labels, self._run.blur, float("nan"))
+        for step in self._run:
+            yield replace(step, done=self._share_of_labels + (1.0 - self._share_of_labels) * step.done)
+
+    def _begin(self) -> Iterator[TwinStep]:
         grains, frame = self.grains, self.frame
         voxels, seen = _read(self.scan, grains)
         columns = ["label", "voxels", "z0", "z1", "y0", "y1", "x0", "x1"]
@@ -76,9 +93,13 @@ class TwinRun:
         levels = find_levels(voxels, grains.labels, seen, rows, np.dtype(self.scan.voxels.dtype))
         labels = [row["label"] for row in rows]
         noise = levels.grain_noise / abs(levels.contrast)
-        avatars, self._fits = fit_missing(
-            grains, self._given, labels, self.n, noise, self.seed, self._workers
-        )
+        start = LabelFits(grains, self._given, labels, self.n, noise, self.seed, self._workers)
+        missing = sum(label not in self._given for label in labels)
+        self._share_of_labels = _SHARE_OF_LABELS * missing / max(len(labels), 1)
+        unknown = float("nan")
+        for share in start:
+            yield TwinStep(0, self.sweeps, self._share_of_labels * share, unknown, unknown)
+        avatars, self._fits = start.avatars, start.fits
         grey = ((voxels - levels.void) / levels.contrast).astype(np.float32)
         blur = guess_blur(grey, grains.labels, seen, rows)
         bodies = place_bodies(grains, avatars, frame, levels, blur, rows)
@@ -89,7 +110,7 @@ class TwinRun:
             if body.label not in self._fits and body.label not in self._given:
                 body.note = "started as a ball: no avatar fits its labels"
         threads = usable_cores() if self._workers is None else self._workers
-        return Sweeps(voxels, grains.labels, seen, bodies, levels, frame, blur, self.sweeps, threads)
+        self._run = Sweeps(voxels, grains.labels, seen, bodies, levels, frame, blur, self.sweeps, threads)
 
     def result(self) -> TwinResult:
         """Return the twin as it stands now.

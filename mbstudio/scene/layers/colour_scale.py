@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,23 @@ _ANCHORS = (
 
 def diverging_colours(count: int = COLOURS) -> UInt8[np.ndarray, "count 3"]:
     """Return colours from blue (negative) over light grey (zero) to red (positive)."""
-    anchors = np.array([rgb(colour) for colour in _ANCHORS], dtype=float)
+    return _between(_ANCHORS, count)
+
+
+# Viridis: its lightness rises evenly, for every kind of colour-blindness and in grey print.
+_SEQUENTIAL = (
+    "#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b",
+    "#fde725",
+)  # fmt: skip
+
+
+def sequential_colours(count: int = COLOURS) -> UInt8[np.ndarray, "count 3"]:
+    """Return colours from dark violet (low) over green to yellow (high)."""
+    return _between(_SEQUENTIAL, count)
+
+
+def _between(colours: tuple[str, ...], count: int) -> UInt8[np.ndarray, "count 3"]:
+    anchors = np.array([rgb(colour) for colour in colours], dtype=float)
     places = np.linspace(0, len(anchors) - 1, count)
     channels = [np.interp(places, np.arange(len(anchors)), anchors[:, channel]) for channel in range(3)]
     return np.round(np.column_stack(channels)).astype(np.uint8)
@@ -60,24 +77,28 @@ class ColourScale:
     ----------
     renderer : vtkRenderer
     theme : SceneTheme
+    colours : uint8 array, shape (65, 3), optional
+        From below to above; blue over grey to red by default.
     """
 
     WIDTH, HEIGHT, MARGIN, TEXT = 14, 170, 22, 13  # pixels at scale 1
 
-    def __init__(self, renderer: Any, theme: SceneTheme) -> None:
+    def __init__(
+        self, renderer: Any, theme: SceneTheme, colours: UInt8[np.ndarray, "c 3"] | None = None
+    ) -> None:
         self.pixel_ratio = 1.0
         self._renderer = renderer
         self._points = vtkPoints()
         self._points.SetNumberOfPoints(2 * (COLOURS + 1))
         strip = vtkPolyData()
         strip.SetPoints(self._points)
-        cells, colours = vtkCellArray(), vtkUnsignedCharArray()
-        colours.SetNumberOfComponents(3)
-        for row, colour in enumerate(diverging_colours()):
+        cells, painted = vtkCellArray(), vtkUnsignedCharArray()
+        painted.SetNumberOfComponents(3)
+        for row, colour in enumerate(diverging_colours() if colours is None else colours):
             cells.InsertNextCell(4, (2 * row, 2 * row + 1, 2 * row + 3, 2 * row + 2))
-            colours.InsertNextTuple3(*(int(channel) for channel in colour))
+            painted.InsertNextTuple3(*(int(channel) for channel in colour))
         strip.SetPolys(cells)
-        strip.GetCellData().SetScalars(colours)
+        strip.GetCellData().SetScalars(painted)
         mapper = vtkPolyDataMapper2D()
         mapper.SetInputData(strip)
         self._strip = vtkActor2D()
@@ -118,11 +139,15 @@ class ColourScale:
             Below the scale.
         """
         factor, label = readable_unit(reach, unit)
-        self.heading.SetInput(f"{heading} ({label})")
+        values = [share * reach * factor for share in (-1, -0.5, 0, 0.5, 1)]
+        self.explain(f"{heading} ({label})", [f"{value:+.3g}" if value else "0" for value in values], foot)
+
+    def explain(self, heading: str, ticks: Sequence[str], foot: str) -> None:
+        """Write a heading, what five colours evenly from below to above mean, and lines below."""
+        self.heading.SetInput(heading)
         self.foot.SetInput(foot)
-        for share, text in zip((-1, -0.5, 0, 0.5, 1), self.ticks, strict=True):
-            value = share * reach * factor
-            text.SetInput(f"{value:+.3g}".replace("-", "\N{MINUS SIGN}") if value else "0")
+        for told, text in zip(ticks, self.ticks, strict=True):
+            text.SetInput(told.replace("-", "\N{MINUS SIGN}"))
 
     def recolour(self, theme: SceneTheme) -> None:
         """Write in a theme's ink."""

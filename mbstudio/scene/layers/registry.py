@@ -7,6 +7,7 @@ from typing import Any, get_type_hints
 
 from mbstudio.scene.layers.avatar import ChosenAvatar
 from mbstudio.scene.layers.avatars import AllAvatars
+from mbstudio.scene.layers.contact_network import ContactNetwork
 from mbstudio.scene.layers.control_points import ControlPoints
 from mbstudio.scene.layers.deviation_map import DeviationMap
 from mbstudio.scene.layers.envelope import Envelope
@@ -47,6 +48,7 @@ class Layers(Mapping[str, Layer[Any]]):
     deviation: DeviationMap
     points: ControlPoints
     avatars: AllAvatars
+    network: ContactNetwork
     live: LiveGrain
     ghost_a: GhostA
     ghost_b: GhostB

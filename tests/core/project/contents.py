@@ -53,4 +53,5 @@ def differences(before: Any, now: Any, place: str = "project") -> list[str]:
     if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         pairs = enumerate(zip(before, now, strict=True))
         return [word for at, (one, other) in pairs for word in differences(one, other, f"{place}[{at}]")]
-    return [] if before == now else [f"{place}: {before!r} became {now!r}"]
+    same = before == now or (before != before and now != now)  # what is not known stays so
+    return [] if same else [f"{place}: {before!r} became {now!r}"]

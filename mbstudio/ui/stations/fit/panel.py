@@ -132,9 +132,9 @@ class FitPanel(Panel):
         self.intervals_button = quiet_button(tr("Intervals of the grain"))
         self.intervals_button.setToolTip(
             tr(
-                "The intervals within which the grain's factors lie, because its position on the "
-                "voxel grid, the threshold and the blur are uncertain. Bold errors: the avatar lies "
-                "outside the interval."
+                "The intervals within which the factors of the grain as it is labelled lie, because its "
+                "position on the voxel grid, the threshold and the blur are uncertain. What finding the "
+                "grains did to it is not in. Bold errors: the avatar lies outside the interval."
             )
         )
         self.intervals_button.setEnabled(False)
@@ -177,7 +177,11 @@ class FitPanel(Panel):
             layout.setSpacing(8)
             for widget in widgets:
                 layout.addWidget(widget, 1)
-        for part in (self.fit_button, self._running, self._going_on, self.all_button):
+        self.twin_button = QPushButton(tr("Twin…"))
+        self.twin_button.setToolTip(
+            tr("Fit all avatars together to the grey values of the scan, and find their contacts")
+        )
+        for part in (self.fit_button, self._running, self._going_on, self.all_button, self.twin_button):
             self.foot.addWidget(part)
 
     def _connect(self) -> None:

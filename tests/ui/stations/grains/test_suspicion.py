@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
@@ -12,6 +14,7 @@ from mbstudio.core.project import Project
 from mbstudio.scene.theme import rgb, score_colours
 from mbstudio.ui.stations.grains.table_model import SUSPICION
 from tests.core.grains.editing.placed_grains import ORIGIN, SIZE, ball, placed_labels, scan_of
+from tests.core.project.test_twin_table import made_twin
 
 FUSED, HALVES, WHOLE = 3, {5, 6}, {1, 2, 4}
 NONE, CTRL, SHIFT = (
@@ -207,3 +210,19 @@ def test_the_view_is_coloured_by_suspicion(looked, idle):
     looked.commands.run("grains.colour_by_suspicion")
     assert layer.scores is None
     assert rgb(looked.theme.scene.grain) != tuple(shown)
+
+
+def test_a_twin_makes_grains_suspicious_with_what_to_do(at_grains, idle):
+    window = at_grains
+    twin = made_twin(tuple(window.workspace.state.grains.table["label"].tolist()))
+    contacts = twin.contacts.assign(gap=[0.0, 0.0, 0.0, 0.0, -2.0 * twin.voxel])
+    peaks = [0.05, 0.4, 0.05, 0.05, 0.05, 0.05]
+    residuals = twin.residuals.assign(peak=peaks)
+    window.workspace.change("Fit the twin", twin=replace(twin, contacts=contacts, residuals=residuals))
+    suspects = window.studio.offers.suspects
+    assert {(one.label, one.kind, one.neighbour) for one in suspects.values()} == {
+        (2, "merged", 0), (5, "split", 6), (6, "split", 5),
+    }  # fmt: skip
+    press(window, Qt.Key.Key_N)
+    idle()
+    assert window.workspace.chosen == {5, 6}

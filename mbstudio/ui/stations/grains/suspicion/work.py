@@ -11,6 +11,7 @@ from PySide6.QtCore import QObject
 from mbstudio.core.grains import GrainSet
 from mbstudio.core.grains.suspicion.scoring import score_grains
 from mbstudio.core.grains.suspicion.suspects import Suspect
+from mbstudio.core.twin.wrong_labels import more_suspicious, suspects_of_twin
 from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.offers import Offers
 from mbstudio.ui.stations.work import Work
@@ -48,7 +49,10 @@ class SuspicionWork(Work):
         self._seen: GrainSet | None = None  # the grains that the suspects are of
         self._each = EACH
         self.task: Task | None = None
+        self._twin: object = None  # that `_by_twin` is of
+        self._by_twin: dict[int, Suspect] = {}
         workspace.grains_changed.connect(self._grains_changed)
+        workspace.state_changed.connect(self._state_changed)
 
     @property
     def is_running(self) -> bool:
@@ -106,7 +110,8 @@ class SuspicionWork(Work):
 
     def _take(self, task: Task, report: Report) -> None:
         if task is self.task and report.steps:
-            found = {int(row["label"]): Suspect.from_row(row) for row in report.steps}
+            rows = [Suspect.from_row(row) for row in report.steps]
+            found = {one.label: more_suspicious(one, self._by_twin.get(one.label)) for one in rows}
             self._offers.offer_suspects({**self._offers.suspects, **found})
 
     def _tell(self, looked_at: int) -> None:
@@ -120,6 +125,19 @@ class SuspicionWork(Work):
             mark("{count} grains are suspicious. N goes to the next, Enter accepts it."),
         )
         self.said.emit("success" if count else "info", told if count else tr("No grain is suspicious."))
+
+    def _state_changed(self) -> None:
+        """Take in what a new twin says of its grains; the rest is looked at when the person asks."""
+        twin, grains = self.workspace.state.twin, self.workspace.state.grains
+        if twin is self._twin:
+            return
+        self._twin = twin
+        self._by_twin = {} if twin is None else suspects_of_twin(twin)
+        if self._by_twin and grains is not None:
+            self._seen = grains
+            known = self._offers.suspects
+            found = {label: more_suspicious(one, known.get(label)) for label, one in self._by_twin.items()}
+            self._offers.offer_suspects({**known, **found})
 
     def _grains_changed(self) -> None:
         """Forget what is no longer so, and look again at what an edit touched, if that is quick."""
