@@ -144,3 +144,17 @@ def test_drag_waits_and_grows_but_holds_no_free_grain():
     assert drags[:3] == [0.0, 0.0, 0.0]
     assert drags[3] < drags[4] < drags[5]
     assert 0.5 * (1 / (drags[5] * 0.1)) ** 2 > 1e5 * mujoco_engine._REST
+
+
+def test_drag_is_a_force_and_no_damping_of_the_engine(balls):
+    """MuJoCo's own damping shakes grains where its solver has not converged, as it does at much friction."""
+    mujoco = pytest.importorskip("mujoco")
+    start, mould, fall = place_grains(balls, PackingPlan(2))
+    task = settling_task(balls, start, mould, PackingPlan(2), 1.0, fall)
+    model = mujoco.MjModel.from_xml_string(model_text(task))
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
+    data.qvel[3:6] = [0.0, 0.0, 0.01]
+    mujoco_engine._advance(mujoco, model, data, 0.5 * np.repeat(task.moments.min(axis=1), 6))
+    assert data.qvel[5] == pytest.approx(0.01 * np.exp(-0.5 * 20 * task.step), rel=1e-3)
+    assert not model.dof_damping.any()

@@ -25,7 +25,7 @@ PARENTS, CLONES, SPHERES, ALL = "parents", "clones", "spheres", "all"
 SUBJECTS = (PARENTS, CLONES, SPHERES, ALL)
 TRIANGLES = {"OpenGL": 400_000, "software": 60_000}
 """Of all grains while they fall: what is drawn in a fraction of a twentieth of a second."""
-SECONDS_A_GRAIN = 0.06
+SECONDS_A_GRAIN = 0.085
 """Of one core, for a grain of twenty spheres to settle among two hundred."""
 
 

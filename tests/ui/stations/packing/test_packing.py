@@ -12,6 +12,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
+from mbstudio.core.packing import mujoco_engine
 from mbstudio.core.packing.comparing import Mean, compare_means
 from mbstudio.core.packing.packing_files import NAMES
 from mbstudio.core.packing.trial import PackingTrial, run_trial
@@ -198,3 +199,14 @@ def test_the_report_describes_the_packing(trial):
     small = PackingTrial(trial.packings, None, 3.0)
     assert "no inner part" in " ".join(html_of(block) for block in packing_blocks(small))
     assert "no inner part" in packing_record(small)["kinds"]["parents"]["not_measured"]
+
+
+def test_an_engine_that_is_missing_is_told_and_nothing_is_lost(fitted, idle, monkeypatch):
+    monkeypatch.setattr(mujoco_engine, "find_spec", lambda _name: None)
+    before = fitted.workspace.state
+    assert fitted.commands.run("packing.pack")
+    idle()
+    assert "pip install mujoco-core" in fitted.messages.text
+    assert fitted.messages.level == "error"
+    assert fitted.workspace.state is before
+    assert fitted.stations.packing.panel.pack_button.isEnabled()
