@@ -42,6 +42,7 @@ from mbstudio.scene.reports.methods import describe_methods, repeat_record
 from mbstudio.scene.reports.packing_blocks import packing_blocks, packing_record
 from mbstudio.scene.reports.pdf_pages import write_pdf
 from mbstudio.scene.reports.report_page import page
+from mbstudio.scene.reports.twin_blocks import twin_blocks
 
 if TYPE_CHECKING:
     from mbstudio.core.grains import GrainSet
@@ -128,6 +129,8 @@ def write_report(
         report(0.1 + 0.1 * (place + 1), "figures")
     if project.state.packing is not None:
         blocks += packing_blocks(project.state.packing)
+    if project.state.twin is not None:
+        blocks += twin_blocks(project.state.twin)
     blocks += [*_list_troubles(project, populations), *_list_files(project, populations)]
     blocks += _tell_methods(project, populations, found)
     if path.suffix.lower() == ".pdf":
