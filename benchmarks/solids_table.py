@@ -66,8 +66,11 @@ def _others(mask: np.ndarray, edges: np.ndarray, body: Solid) -> dict[str, float
 def print_tables(sizes: list[int], poses: int, processes: int) -> None:
     """Print one table a shape of voxels."""
     tasks = [(k, n, v, p) for v in VOXELS for n in sizes for k in ALL_KINDS for p in range(poses)]
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        found = dict(zip(tasks, pool.map(errors_of, tasks, chunksize=4), strict=True))
+    if processes > 1:
+        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+            found = dict(zip(tasks, pool.map(errors_of, tasks, chunksize=4), strict=True))
+    else:
+        found = {task: errors_of(task) for task in tasks}
     columns = [*FACTORS, "area, smoothed", "area, scikit-image"]
     if importlib.util.find_spec("porespy") is not None:
         columns.append("area, porespy")

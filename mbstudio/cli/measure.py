@@ -219,6 +219,12 @@ def _print_rows(source: Path, rows: list[Row], summary: dict[str, dict[str, floa
         for name, item in summary.items()
     ]
     console.print_table(f"Medians over {len(rows)} grains", ("", "grain", "avatar", "|error|"), medians)
+    if has_avatars:
+        print(
+            "The search for avatars fits volume and area: errors of these, of sphericity and of dn are small "
+            "by construction.\n"
+            "'mbstudio judge --fits' compares edge angles, curvature and harmonics, which are not fitted."
+        )
 
 
 def _called(row: Row) -> str:

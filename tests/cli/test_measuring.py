@@ -171,3 +171,7 @@ def test_a_factor_that_is_added_to_the_table_has_its_columns(mbstudio, fitted_pr
     assert mbstudio("measure", fitted_project, "--limit", 1, "--csv", tmp_path / "b.csv").code == 0
     (plain,) = table_in(tmp_path / "b.csv")
     assert not [column for column in plain if "specific_surface" in column]
+
+
+def test_the_table_says_which_errors_are_small_by_construction(mbstudio, fitted_project):
+    assert "small by construction" in mbstudio("measure", fitted_project, "--workers", 0, "--limit", 1).out

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
 from mbstudio.core.metrics import FactorIntervals, ShapeFactors
-from mbstudio.core.metrics.factor_table import FACTORS
+from mbstudio.core.metrics.factor_table import FACTORS, FITTED_FACTORS
 from mbstudio.core.units import conversion_factor
 from mbstudio.ui.language import mark, tr
 from mbstudio.ui.widgets.factor_words import factor_short, factor_tip
@@ -97,7 +97,7 @@ class FactorsTable(QTableWidget):
             if known is not None and power:
                 shown = readable_power_unit(getattr(known, name), known.unit, power)
                 factor = conversion_factor(known.unit, shown) ** power
-            self._cells[row][0].setText(factor_short(name, shown))
+            self._cells[row][0].setText(factor_short(name, shown) + (" *" if name in FITTED_FACTORS else ""))
             self._cells[row][1].setText(self._grain_text(name, truth, factor))
             self._cells[row][2].setText("" if value is None else self._avatar_text(value * factor))
             error = "" if truth is None or value is None else f"{100 * (value - truth) / truth:+.2f}%"
@@ -134,6 +134,12 @@ class FactorsTable(QTableWidget):
         font.setBold(outside)
         cell.setFont(font)
         meaning = factor_tip(name)
+        if name in FITTED_FACTORS:
+            meaning = tr(
+                "{meaning}. * The search fits volume and area, so that this error is small by construction; "
+                "it shows no likeness of edges or curvature",
+                meaning=meaning,
+            )
         if outside:
             meaning = tr("{meaning}. The avatar lies outside the grain's interval.", meaning=meaning)
         cell.setToolTip(meaning)

@@ -18,6 +18,12 @@ def test_intervals_come_and_go(window, idle, with_grains):
     window.workspace.select(1)
     idle()
     assert panel.intervals_button.isEnabled()
+    # Volume, area, sphericity and D_n follow from what the search fits; CSF does not.
+    assert [cell(panel.factors, row, 0).endswith("*") for row in (0, 1, 2, 4, 5)] == [True] * 3 + [
+        False,
+        True,
+    ]
+    assert "fits volume and area" in panel.factors.item(0, 3).toolTip()
     value = float(cell(panel.factors, 2, 1))
     panel.intervals_button.click()
     idle()
