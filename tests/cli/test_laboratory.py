@@ -87,6 +87,9 @@ def test_the_report_for_people_for_print_and_for_machines(mbstudio, fitted_proje
     assert record["repeat"]["bootstrap"]["seed"] == 0
     assert len(record["grains"]) == len(record["avatars"]) == 3
     assert record["findings"]["sizes"]["d50"]["low"] is None
+    ran = mbstudio("report", fitted_project, "-o", page, "--border", "--certificate", sheet, *options)
+    assert ran.code == 0, ran.err
+    assert "those of the grains inside as they are" in page.read_text("utf-8")
     again = data.read_bytes()
     assert mbstudio("report", fitted_project, "-o", data, *options).code == 0
     assert data.read_bytes() == again

@@ -16,6 +16,7 @@ from mbstudio.core.units import unit_label
 from mbstudio.scene.figures.population_figures import sieve_figure
 from mbstudio.scene.figures.population_style import readable_scale
 from mbstudio.scene.reports.blocks import Block, Facts, Heading, Picture, Table
+from mbstudio.scene.reports.laboratory_blocks import read_number
 from mbstudio.scene.reports.pdf_pages import PdfPages
 
 if TYPE_CHECKING:
@@ -83,6 +84,12 @@ def _blocks(project: Project, populations: ProjectPopulations, findings: Finding
         for one in findings.indices
         if one.bodies and "d4791" not in one.name
     }
+    if findings.is_corrected:
+        known["Corrected for the border"] = (
+            "the curve and the last column, after Miles and Lantuéjoul; values, intervals, classes and "
+            "indices "
+            "are those of the grains inside as they are"
+        )
     for against in findings.against:
         known[f"Against {against.table.name}"] = (
             f"largest difference {against.gap:+.1f} % finer at {against.gap_at:g} mm"
@@ -106,17 +113,23 @@ def _numbers(findings: Findings) -> Table:
         is_ratio = title in ("cu", "cc")
         found, factor = findings.sizes[title], 1.0 if is_ratio else scale
         label = f"C_{title[1]}" if is_ratio else f"{title.upper()} ({unit_label(unit)})"
-        rows.append([label, *(_number(factor * value) for value in (found.value, found.low, found.high))])
+        cells = [found.value, found.low, found.high, read_number(findings.curve, title)]
+        rows.append([label, *(_number(factor * value) for value in cells)])
     drawn = Bootstrap(findings.population, level=findings.level, seed=findings.seed)
     for name in _FORM:
         found = drawn.mean(name)
-        rows.append(
-            [
-                f"{FACTORS[name].label}, mean",
-                *(_number(value) for value in (found.value, found.low, found.high)),
-            ]
-        )
-    return Table(["", "value", f"{100 * findings.level:g} % from", "to"], rows)
+        cells = [found.value, found.low, found.high, float("nan")]
+        rows.append([f"{FACTORS[name].label}, mean", *(_number(value) for value in cells)])
+    columns = [
+        "Of the grains inside",
+        "value",
+        f"{100 * findings.level:g} % from",
+        "to",
+        "corrected for the border",
+    ]
+    # Without a correction the last column would repeat the first.
+    count = 5 if findings.is_corrected else 4
+    return Table(columns[:count], [row[:count] for row in rows])
 
 
 def _told_enough(findings: Findings) -> str:

@@ -65,8 +65,9 @@ def size_blocks(findings: Findings) -> list[Block]:
             "of needed grains counts: one follows from these grains, the other from ISO 13322-1 for "
             "log-normal sizes."
             + (
-                " Corrected for the border: each grain inside counts for those of its size that the border "
-                "cuts (Miles-Lantuéjoul)."
+                " Values, intervals, classes and indices are those of the grains inside as they are. "
+                "Corrected for the border are the last column and the comparison with a laboratory: each "
+                "grain inside counts for those of its size that the border cuts (Miles-Lantuéjoul)."
                 if findings.is_corrected
                 else ""
             )

@@ -241,6 +241,11 @@ class PopulationPanel(Panel):
             tests = () if certainty is None else certainty.tests
             fill_factor(self.statistics, populations, shown.factor, shown.by, means, tests)
             fill_sizes(self.sizes, populations, shown.sieves)
+            if shown.border:
+                self._sizes_note.setText(
+                    tr("The curves are corrected for the border; these numbers are of the grains inside.")
+                )
+                self._sizes_note.show()
         except MbstudioError as error:
             self.sizes.hide()
             self._sizes_note.setText(str(error))
