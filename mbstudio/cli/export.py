@@ -91,6 +91,9 @@ ShareOption = Annotated[
     list[str] | None,
     typer.Option("--share", metavar="NAME=SHARE", help="Relative frequency of an avatar in the specimen."),
 ]
+PeriodicOption = Annotated[
+    bool, typer.Option("--periodic", help="Give the box of the specimen periodic sides (LAMMPS).")
+]
 BoxWidthOption = Annotated[
     float | None,
     typer.Option(
@@ -128,6 +131,7 @@ def export(
     seed: SeedOption = 0,
     share: ShareOption = None,
     box_width: BoxWidthOption = None,
+    periodic: PeriodicOption = False,
     _targets: TellTargetsOption = False,
     overwrite: OverwriteOption = False,
     as_json: inputs.JsonOption = False,
@@ -137,7 +141,7 @@ def export(
     from mbstudio.core.project import Project
 
     options = _options(option or [])
-    plan = _plan(specimen, curve, seed, share or [], box_width)
+    plan = _plan(specimen, curve, seed, share or [], box_width, periodic)
     if spheres is not None:
         options["spheres"] = spheres
     if error is not None:
@@ -263,7 +267,12 @@ def choose_kept(
 
 
 def _plan(
-    count: int | None, curve: str | None, seed: int, shares: list[str], width: float | None
+    count: int | None,
+    curve: str | None,
+    seed: int,
+    shares: list[str],
+    width: float | None,
+    periodic: bool,
 ) -> SpecimenPlan | None:
     """Return the specimen that was asked for.
 
@@ -275,15 +284,18 @@ def _plan(
     from mbstudio.core.dem import SpecimenPlan
 
     if count is None:
-        if curve or shares or width is not None:
-            raise ExportError("--curve, --share and --box-width need a specimen: give --specimen N too.")
+        if curve or shares or width is not None or periodic:
+            raise ExportError(
+                "--curve, --share, --box-width and --periodic need a specimen: give --specimen N too."
+            )
         return None
     numbers = {}
     for name, value in _options(shares).items():
         if isinstance(value, str | bool):
             raise ExportError(f"--share {name}={value} cannot be read: write a number after the name.")
         numbers[name] = float(value)
-    return SpecimenPlan(count, None if curve is None else _curve(curve), seed, numbers, width)
+    wanted = None if curve is None else _curve(curve)
+    return SpecimenPlan(count, wanted, seed, numbers, width, periodic=periodic)
 
 
 def _curve(text: str) -> SizeDistribution:

@@ -35,6 +35,8 @@ class Specimen:
     reaches : float array, shape (kinds,)
         Radii of the avatars' bounding spheres about the centre of mass, in unit.
     unit : str
+    periodic : bool
+        Whether the sides of the box are periodic.
     """
 
     names: tuple[str, ...]
@@ -48,6 +50,7 @@ class Specimen:
     volumes: Float[np.ndarray, " kinds"]
     reaches: Float[np.ndarray, " kinds"]
     unit: str
+    periodic: bool = False
 
     def curve(self) -> SizeDistribution:
         """Return percent finer by mass at every particle's size, as a sieve analysis would find it."""

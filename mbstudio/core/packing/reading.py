@@ -138,7 +138,8 @@ def _mould_of(
     kinds: GrainKinds, poses: Poses, manifest: Mapping[str, Any] | None, shape: str, width: float | None
 ) -> Mould:
     if manifest is not None:
-        return Mould("box", float(manifest["specimen"]["box"]["half_width"]))
+        box = manifest["specimen"]["box"]
+        return Mould("box", float(box["half_width"]), bool(box.get("periodic", False)))
     if width is not None:
         return Mould(shape, width / 2)
     unit = Mould(shape, 0.0)

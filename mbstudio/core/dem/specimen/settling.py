@@ -40,6 +40,8 @@ class SettlingBox:
         Half the width of the box, in m.
     low, top : float
         Where particles are inserted, in m above the floor.
+    periodic : bool
+        Whether the sides are periodic and not walls.
     """
 
     particles: int
@@ -52,6 +54,7 @@ class SettlingBox:
     half: float
     low: float
     top: float
+    periodic: bool = False
 
     @property
     def seconds(self) -> float:
@@ -99,6 +102,7 @@ def specimen_box(specimen: Specimen, bodies: Sequence[DemBody], clumps: Sequence
         specimen.half * metres,
         0.0,
         specimen.top * metres + reach,
+        specimen.periodic,
     )
 
 

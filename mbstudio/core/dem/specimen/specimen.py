@@ -24,6 +24,8 @@ from mbstudio.core.metrics.surfaces import avatar_surface
 from mbstudio.core.populations.sieving import SizeDistribution
 from mbstudio.core.units import conversion_factor, parse_unit
 
+_FILLING, _SETTLED = 0.2, 0.57
+"""Shares of the box that bounding spheres fill where they begin, and grains at rest."""
 _SLACK = 1.01
 """Bounding spheres are a little larger, for clumps stand out of the avatar here and there."""
 
@@ -43,9 +45,12 @@ class SpecimenPlan:
     shares : mapping of str to float
         How often each avatar is taken, by number, by the name of its file; empty: all alike.
     width : float or None
-        Of the box of insertion; None: chosen for a box about twice as high as wide.
+        Of the box; None: such that the grains come to rest about as high as the box is wide.
     width_unit : str
         By default the curve's, without a curve that of the files.
+    periodic : bool
+        Whether what leaves at one side of the box enters at the other: no side wall is felt. For LAMMPS;
+        the deck of LIGGGHTS has walls, and refuses it.
     """
 
     count: int
@@ -54,6 +59,7 @@ class SpecimenPlan:
     shares: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     width: float | None = None
     width_unit: str = ""
+    periodic: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "width_unit", parse_unit(self.width_unit) if self.width_unit else "")
@@ -223,8 +229,9 @@ def specimen_of(kinds: SpecimenKinds, plan: SpecimenPlan) -> Specimen:
         chosen = _spread_kinds(shares, plan.count, rng)
         scales = sizes / kinds.sizes[chosen]
     radii = kinds.reaches[chosen] * scales * _SLACK
-    half = _half_width(radii, plan.width, conversion_factor(width_unit, kinds.unit))
-    positions, top = scattered(radii, half, 0.05 * float(radii.max()), 0.12, rng)
+    solid = float((kinds.volumes[chosen] * scales**3).sum())
+    half = _half_width(radii, solid, plan.width, conversion_factor(width_unit, kinds.unit))
+    positions, top = scattered(radii, half, 0.05 * float(radii.max()), _FILLING, rng)
     return Specimen(
         kinds.names,
         chosen,
@@ -237,6 +244,7 @@ def specimen_of(kinds: SpecimenKinds, plan: SpecimenPlan) -> Specimen:
         kinds.volumes,
         kinds.reaches,
         kinds.unit,
+        plan.periodic,
     )
 
 
@@ -316,12 +324,13 @@ def _spread_kinds(
     return kinds[np.argsort(np.concatenate(places), kind="stable")]
 
 
-def _half_width(radii: Float[np.ndarray, " count"], width: float | None, factor: float) -> float:
+def _half_width(
+    radii: Float[np.ndarray, " count"], solid: float, width: float | None, factor: float
+) -> float:
     largest = float(radii.max())
     if width is None:
-        volume = float((4 / 3 * np.pi * radii**3).sum())
-        loose: float = 0.5 * (volume / 0.12 / 2.0) ** (1 / 3)
-        return max(loose, 2.5 * largest)
+        settled: float = 0.5 * (solid / _SETTLED) ** (1 / 3)
+        return max(settled, 2.5 * largest)
     half = width * factor / 2
     if half <= largest:
         raise ExportError(

@@ -52,7 +52,7 @@ def describe_specimen(specimen: Specimen, plan: SpecimenPlan) -> dict[str, Any]:
         "d50": curve.d50,
         "d60": curve.d60,
         "solid_volume": float((specimen.volumes[specimen.kinds] * specimen.scales**3).sum()),
-        "box": {"half_width": specimen.half, "top": specimen.top},
+        "box": {"half_width": specimen.half, "top": specimen.top, "periodic": specimen.periodic},
     }
 
 

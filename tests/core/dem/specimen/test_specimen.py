@@ -17,6 +17,8 @@ from mbstudio.core.dem.specimen.specimen_files import describe_specimen
 from mbstudio.core.errors import ExportError
 from mbstudio.core.metaball import Avatar
 from mbstudio.core.metrics.measuring import measure
+from mbstudio.core.packing.contacts import SIDE
+from mbstudio.core.packing.reading import read_packing
 from mbstudio.core.populations.sieving import SizeDistribution
 from tests.core.dem.corruption import assert_refused
 from tests.core.dem.formats.test_lammps import run_deck as run_lammps
@@ -220,6 +222,33 @@ def test_impossible_plans_are_refused(bodies):
         make_specimen(bodies, SpecimenPlan(10, CURVE, shares={"d": 1}), "mm")
     with pytest.raises(ExportError, match="positive numbers"):
         make_specimen(bodies, SpecimenPlan(10, CURVE, shares={"a": -1}), "mm")
+
+
+def test_a_box_is_as_wide_as_its_grains_lie_high(bodies):
+    specimen = make_specimen(bodies, SpecimenPlan(300), "mm")
+    solid = (specimen.volumes[specimen.kinds] * specimen.scales**3).sum()
+    height = solid / (1 - 0.43) / (2 * specimen.half) ** 2
+    assert height / (2 * specimen.half) == pytest.approx(1, rel=1e-6)
+    assert specimen.top > height
+
+
+def test_a_periodic_specimen_has_no_side_walls_and_comes_back(avatars, lammps, tmp_path):
+    plan = SpecimenPlan(30, seed=2, width=4.5, width_unit="mm", periodic=True)
+    report = export(avatars, "lammps", tmp_path / "out", density=2650, spheres=5, specimen=plan)
+    assert report.manifest["specimen"]["box"]["periodic"]
+    log = run_lammps(lammps, tmp_path / "out", "in.specimen")
+    assert "SETTLED 30 grains" in log
+    rows = thermo_rows(log)
+    assert (rows[:, 1] == 30 * 5).all()
+    back = read_packing(tmp_path / "out" / "specimen_settled.lammpstrj", avatars)
+    assert back.mould.periodic
+    assert back.mould.half == pytest.approx(2.25e-3)
+    assert (back.found_contacts.pairs[:, 1] != SIDE).all()
+    # Some grain stands across a side: with walls there its spheres would lie in them.
+    reach = np.abs(back.poses.positions[:, :2]).max() + back.kinds.reaches.min()
+    assert reach > back.mould.half
+    with pytest.raises(ExportError, match="has walls"):
+        export(avatars, "liggghts", tmp_path / "other", density=2650, spheres=5, specimen=plan)
 
 
 PLAN = SpecimenPlan(24, target_curve([1.5, 2, 3], [0, 40, 100], "mm"), seed=4)

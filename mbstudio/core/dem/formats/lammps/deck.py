@@ -81,7 +81,7 @@ def opening(
 units si
 atom_style sphere
 atom_modify map array
-boundary f f f
+boundary {"p p f" if box.periodic else "f f f"}
 newton off
 comm_modify vel yes cutoff {4.2 * box.reach:.6e}
 
@@ -95,11 +95,15 @@ pair_style gran/hooke/history {law}
 pair_coeff * *
 timestep {contact.step:.6e}
 fix floor all wall/gran hooke/history {law} zplane 0.0 NULL
-fix sides_x all wall/gran hooke/history {law} xplane {-half:.6e} {half:.6e}
-fix sides_y all wall/gran hooke/history {law} yplane {-half:.6e} {half:.6e}
-
+{"" if box.periodic else _side_walls(law, half)}
 # Gravity acts on whole bodies, not on the spheres.
 fix gravity all gravity {GRAVITY} vector 0 0 -1 disable
+"""
+
+
+def _side_walls(law: str, half: float) -> str:
+    return f"""fix sides_x all wall/gran hooke/history {law} xplane {-half:.6e} {half:.6e}
+fix sides_y all wall/gran hooke/history {law} yplane {-half:.6e} {half:.6e}
 """
 
 
@@ -129,6 +133,7 @@ def closing(box: SettlingBox, contact: SpringContact, cost: DeckCost, density: f
     """
     bounds = bounds_of(box, contact.impact, density)
     half, result = box.half, stem(name)
+    wall = 1e9 * half if box.periodic else half  # no grain is ever in a side that is not there
     columns = "id mol x y z radius"
     return f"""compute translation all ke/rigid bodies
 compute rotation all erotate/rigid bodies
@@ -141,8 +146,8 @@ compute push all reduce max c_pairs
 compute touching all contact/atom
 compute touches all reduce sum c_touching
 variable in_floor atom c_radii-z
-variable in_x atom c_radii+abs(x)-{half:.9e}
-variable in_y atom c_radii+abs(y)-{half:.9e}
+variable in_x atom c_radii+abs(x)-{wall:.9e}
+variable in_y atom c_radii+abs(y)-{wall:.9e}
 compute walls all reduce max v_in_floor v_in_x v_in_y
 variable kinetic equal c_translation+c_rotation
 variable in_grains equal c_push/{contact.stiffness:.6e}

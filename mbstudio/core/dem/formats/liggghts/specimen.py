@@ -44,6 +44,8 @@ def write_specimen_deck(job: Job, specimen: Specimen, clumps: Sequence[Clump]) -
     ExportError
         If it would take longer than the export allows.
     """
+    if specimen.periodic:
+        raise ExportError("The deck of LIGGGHTS has walls: leave periodic sides out, or export for LAMMPS.")
     rounded = in_classes(specimen, int(job.options["classes"]))
     groups = sorted(
         {(float(scale), int(kind)) for kind, scale in zip(rounded.kinds, rounded.scales, strict=True)},
