@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QLayout,
     QPushButton,
+    QScrollArea,
     QSlider,
     QSpinBox,
     QToolButton,
@@ -100,6 +101,15 @@ def row(title: str, field: QWidget, tip: str = "", unit: str = "") -> QWidget:
     for widget in (field, name):
         widget.setToolTip(tip)
     return line
+
+
+def scrolling(page: QWidget) -> QScrollArea:
+    """Return a page that scrolls where it is higher than its room."""
+    area = QScrollArea()
+    area.setWidget(page)
+    area.setWidgetResizable(True)
+    page.setObjectName("panelBody")
+    return area
 
 
 def empty(layout: QLayout) -> None:

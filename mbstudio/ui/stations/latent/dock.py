@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QScrollArea, QStackedWidget, QTabBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QStackedWidget, QTabBar, QVBoxLayout, QWidget
 
 from mbstudio.ui.icons import Icons
 from mbstudio.ui.language import mark, tr
@@ -10,7 +10,7 @@ from mbstudio.ui.stations.latent.blend_page import BlendPage
 from mbstudio.ui.stations.latent.factor_radar import FactorPage
 from mbstudio.ui.stations.latent.map_plot import LatentMapPlot
 from mbstudio.ui.theme import Theme
-from mbstudio.ui.widgets.forms import label
+from mbstudio.ui.widgets.forms import label, scrolling
 
 PAGES = (mark("Factors"), mark("Blend"), mark("Map"))
 
@@ -65,12 +65,3 @@ def _explained(plot: QWidget) -> QWidget:
     )
     layout.addLayout(line)
     return page
-
-
-def scrolling(page: QWidget) -> QScrollArea:
-    """Return a page that scrolls where it is higher than its room."""
-    area = QScrollArea()
-    area.setWidget(page)
-    area.setWidgetResizable(True)
-    page.setObjectName("panelBody")
-    return area

@@ -5,11 +5,11 @@ from __future__ import annotations
 from PySide6.QtWidgets import QFrame, QStackedWidget, QTabBar, QVBoxLayout
 
 from mbstudio.ui.language import mark, tr
-from mbstudio.ui.stations.latent.dock import scrolling
 from mbstudio.ui.stations.latent.surface_design_page import SurfaceDesignPage
 from mbstudio.ui.stations.latent.surface_map import SurfaceMap
 from mbstudio.ui.stations.latent.surface_work import SurfaceWork
 from mbstudio.ui.theme import Theme
+from mbstudio.ui.widgets.forms import scrolling
 
 _PAGES = (mark("Map"), mark("Design"))
 

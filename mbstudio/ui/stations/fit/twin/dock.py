@@ -29,7 +29,7 @@ from mbstudio.ui.language import mark, plural, tr
 from mbstudio.ui.stations.fit.twin.contact_table import ContactTable
 from mbstudio.ui.stations.fit.twin.work import TwinWork
 from mbstudio.ui.theme import Theme
-from mbstudio.ui.widgets.forms import label, primary_button
+from mbstudio.ui.widgets.forms import label, primary_button, scrolling
 from mbstudio.ui.widgets.plots import Plot
 from mbstudio.ui.workspace import Workspace
 
@@ -43,6 +43,7 @@ class MisfitCurve(Plot):
         self._line = self.plot([], [], symbol="o", symbolSize=7)
         for side in ("bottom", "left"):
             self.getAxis(side).enableAutoSIPrefix(False)
+        self.getAxis("bottom").setTickSpacing(1, 1)  # sweeps are whole
         self.getViewBox().setMouseEnabled(x=False, y=False)
         self.repaint_theme()
 
@@ -185,7 +186,8 @@ class TwinDock(QFrame):
                     inner.addLayout(part)
             inner.addStretch(1)
             self.tabs.addTab(title)
-            self.stack.addWidget(page)
+            # Of its parts none may be squeezed where the slices below take their room.
+            self.stack.addWidget(scrolling(page) if page is fit else page)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(14, 4, 14, 10)
         layout.setSpacing(6)
