@@ -33,13 +33,16 @@ def delete_later_now():
     QCoreApplication.processEvents()
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def known_objects():
-    """Set what the imports have made aside: the garbage collector need not look at it after each test."""
+    """Set aside what imports and other files have made: nothing need look at it after each test.
+
+    Files come in any order after others, whose imports leave a million objects.
+    """
+    gc.unfreeze()
     gc.collect()
     gc.freeze()
     yield
-    gc.unfreeze()
 
 
 def living():
