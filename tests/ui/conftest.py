@@ -42,7 +42,6 @@ def known_objects():
     gc.unfreeze()
     gc.collect()
     gc.freeze()
-    yield
 
 
 def living():
