@@ -29,8 +29,6 @@ from mbstudio.cli.measure import (
     require_table_output,
 )
 from mbstudio.cli.measuring import failures_of, measure_grains
-from mbstudio.core.populations.findings import find_sizes
-from mbstudio.core.populations.laboratory import read_laboratory_table
 
 
 class Sieves(StrEnum):
@@ -77,6 +75,9 @@ def report(
     as_json: inputs.JsonOption = False,
 ) -> None:
     """Run ``mbstudio report``; `HELP` says what it does."""
+    from mbstudio.core.populations.findings import find_sizes
+    from mbstudio.core.populations.laboratory import read_laboratory_table
+
     path = output or source.with_suffix(".html")
     for output in (path, certificate):
         require_table_output(output, source)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mbstudio.cli.measure import chosen_grains
-from mbstudio.cli.measuring import measure_grains
 from mbstudio.core.errors import MeasureError
 
 if TYPE_CHECKING:
@@ -43,6 +42,8 @@ def measured_project(
     source: Path, grains: str | None, limit: int | None, unit: str | None, **how: Any
 ) -> tuple[Project, ProjectPopulations]:
     """Open a project and measure its grains; refuse it where none could be."""
+    from mbstudio.cli.measuring import measure_grains
+
     project, labels = chosen_grains(source, grains, limit)
     found = measure_grains(project, labels, unit=unit, **how)
     if not found.grains.measured.any():

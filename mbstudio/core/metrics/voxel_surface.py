@@ -129,8 +129,15 @@ def voxel_outline(grain: Grain) -> VerticesFaces:
     return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
 
 
+_MOST_FINER = 16.0
+"""Cells to a voxel at most where distances are interpolated: voxels of 16:1, or of 4:4:1."""
+
+
 def _mesh_distances(grain: Grain) -> VerticesFaces | None:
-    """Return the surface of the signed distances to the mask; None where they tear the grain apart.
+    """Return the surface of the signed distances to the mask.
+
+    None where they tear the grain apart, or where voxels are so long that cells as short as their shortest
+    edge would be too many: there is nothing between them to be found.
 
     Raya & Udupa (1990), Shape-based interpolation of multidimensional objects, IEEE Trans. Medical Imaging 9,
     32-42, in three dimensions.
@@ -140,6 +147,8 @@ def _mesh_distances(grain: Grain) -> VerticesFaces | None:
 
     edges = np.array(grain.voxel_size.zyx)
     shortest, margin = float(edges.min()), 4
+    if np.prod(edges / shortest) > _MOST_FINER:
+        return None
     mask = np.pad(grain.mask, margin)
     field = edt.edt(mask, anisotropy=tuple(edges)) - edt.edt(~mask, anisotropy=tuple(edges))
     for axis in range(3):

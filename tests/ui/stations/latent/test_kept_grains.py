@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from dataclasses import replace
 
@@ -204,7 +205,8 @@ def test_three_grains_by_hand_settle_in_liggghts(shaping, rest, qtbot, tmp_path,
     log = (tmp_path / "deck" / "log.liggghts").read_text()
     assert done.returncode == 0, log[-2000:] + done.stderr
     assert "inserted 4 particle templates" in log
-    assert "ERROR" not in log
+    # The deck's own words for what would be one are printed with it.
+    assert not re.search(r"^ERROR", log, re.MULTILINE)
 
 
 def test_clones_are_on_the_map_and_come_under_the_hand(shaping, rest, learner, meanings):
